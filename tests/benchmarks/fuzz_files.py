@@ -2,8 +2,8 @@
 
 First a valid log, model, table, trace, rig, wire and simulated device are made. Then bytes of one of them are changed
 at random places, or a number is replaced by an absurd one, and a command reads the file in a process of its own. The
-command must end with exit code 0, 2, 3, 4 or 5 within `LONGEST_S` and without a traceback. A damaged log with checksums
-must give the result of the valid log, or be rejected.
+command must end with exit code 0, 2, 3, 4 or 5, within `LONGEST_S` of processor time, and without a traceback. A
+damaged log with checksums must give the result of the valid log, or be rejected.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from smadrive.cli import excite, identify, probe, replay, report, run, simulate 
 from smadrive.files.shipped import configs_dir
 
 LONGEST_S = 60
+HANGS_S = 300  # a command that waits for ever uses no processor time
 MEMORY = 6 << 30
 GOOD_ENDS = {0, 2, 3, 4, 5}
 FAILED = "FAILED"
@@ -129,7 +130,8 @@ def ended(arguments: list[str]) -> End:
             os.dup2(out.fileno(), 1)
             os.dup2(err.fileno(), 2)
             resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-            signal.alarm(LONGEST_S)
+            resource.setrlimit(resource.RLIMIT_CPU, (LONGEST_S, LONGEST_S))
+            signal.alarm(HANGS_S)
             os._exit(_run(arguments))
         code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         out.seek(0)

@@ -63,8 +63,8 @@ class TSFuzzyPreisach(HysteresisModel):
 
     @property
     def rules(self) -> tuple[Rule | MemoryRule, ...]:
-        """All rules: those of x, then those of p. A rule of p whose consequent is 0 is left out."""
-        return self.local.rules + self.plane.rules
+        """All rules that have an effect: those of x unless `share` is 1, then those of p with a consequent above 0."""
+        return (self.local.rules if self._rest else ()) + self.plane.rules
 
     def rules_text(self) -> str:
         """Return the rules as IF-THEN sentences, one per line, after a line that says how x and p make w."""

@@ -10,8 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from smadrive.hysteresis import PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
-from smadrive.identification.duhem import fit_duhem
+from smadrive.hysteresis import DuhemModel, PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.memory.incidence import PlaneGrid
 from smadrive.identification.memory.mixture import duhem_part
 from smadrive.identification.memory.plane_fit import PlaneProblem, grid_of
@@ -58,32 +57,34 @@ class _Plane:
         return TSFuzzyPreisach(whole, plane, added / scale)
 
 
-def plane_alone(record: Record, sets: int) -> tuple[Model, float]:
-    """Return a Preisach plane with `sets` thresholds on each axis, and its output at the first sample."""
+def plane_alone(record: Record, sets: int, duhem: DuhemModel) -> tuple[Model, float]:
+    """Return a Preisach plane with `sets` thresholds on each axis, and its output at the first sample.
+
+    The share of the rules in the model is 0; they are those of `duhem`.
+    """
     plane = _Plane(record, sets)
     bottom, masses = plane.problem.with_bottom(plane.sign * record.mean_y)
-    duhem = fit_duhem(record, components=1).model
     centres = TriangularSets(tuple(np.linspace(*record.input_range, 11).tolist()))
     rules = TSFuzzyDuhem.from_duhem(duhem, centres)
     model = plane.model(rules, (0.0, plane.sign * bottom), masses)
     return model, float(model.initial_state(float(record.v[0]), float(record.mean_y[0])).y)
 
 
-def rules_and_plane(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float]:
+def rules_and_plane(record: Record, sets: int, duhem: DuhemModel, fit_rules: FitRules) -> tuple[Model, float]:
     """Return rules and a plane in parallel, and their output at the first sample.
 
-    If one of the parts is negligible, the model is the other part alone.
+    The search for the part of the rules starts from the parameters of `duhem`, a model with one component. If one of
+    the parts is negligible, the model is the other part alone.
     """
     coarse = _Plane(record, min(sets, COARSE))
     sign, span = coarse.sign, record.output_span
-    duhem = fit_duhem(record, components=1).model
     (mu_up, sigma_up), (mu_down, sigma_down) = (
         (branch.means[0], branch.sigmas[0]) for branch in (duhem.heating, duhem.cooling)
     )
     start = np.array([mu_up, mu_down, sigma_up, sigma_down])
     duhem_output = duhem_part(coarse.problem, record.v, sign * record.mean_y / span, record.input_range, start)
     if float(np.ptp(duhem_output)) < _LEAST_SHARE:
-        return plane_alone(record, sets)
+        return plane_alone(record, sets, duhem)
     fine = _Plane(record, sets)
     masses = fine.problem.masses(sign * record.mean_y - span * duhem_output)
     if masses.sum() < _LEAST_SHARE * span:

@@ -18,6 +18,7 @@ import numpy as np
 
 from smadrive.errors import IdentificationError
 from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
+from smadrive.identification.duhem import fit_duhem
 from smadrive.identification.memory.candidates import FitRules, Model, plane_alone, rules_and_plane
 from smadrive.identification.quality.fit import Fit, judge
 from smadrive.identification.record import Record, prepare
@@ -35,6 +36,9 @@ THIRDS = (1, 2)
 
 LEAST_LOOPS = 6
 """Loops of a record that can tell whether the wire has memory."""
+
+Candidate = Callable[[Record], tuple[Model, float]]
+"""A function that fits a candidate to a record. It returns the model with its output at the first sample."""
 
 _MEMORY_PAYS = 0.8  # largest held-out error with memory, as a share of that without
 _HOPELESS = 2.0  # a plane alone whose held-out error is so many times that of the rules is no part of the wire
@@ -84,13 +88,13 @@ def identify_memory(
 
 def _chosen(record: Record, fit_these: FitRules) -> tuple[Model, float, MemoryChoice]:
     """Return the rules alone if they explain the record; otherwise the model that held-out loops prefer."""
-    model, y0 = fit_these(record)
-    misfit = 100 * record.misfit(model, y0)
+    rules = fit_these(record)
+    misfit = 100 * record.misfit(*rules)
     if misfit <= max(NOTHING_LEFT, 100 * record.noise):
-        return model, y0, MemoryChoice(1, nan, nan)
+        return *rules, MemoryChoice(1, nan, nan)
     if loops_of(record)[-1] + 1 < LEAST_LOOPS:
-        return model, y0, MemoryChoice(1, nan, nan, (_too_few_loops(record, misfit),))
-    return choose(record, MOST_TURNING_POINT_SETS, fit_these)
+        return *rules, MemoryChoice(1, nan, nan, (_too_few_loops(record, misfit),))
+    return choose(record, MOST_TURNING_POINT_SETS, fit_these, rules)
 
 
 def _too_few_loops(record: Record, misfit_percent: float) -> str:
@@ -129,28 +133,30 @@ def loops_of(record: Record) -> np.ndarray:
     return np.asarray(np.cumsum(turned) // 2)
 
 
-def choose(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
+def choose(
+    record: Record, sets: int, fit_rules: FitRules, rules: tuple[TSFuzzyDuhem, float]
+) -> tuple[Model, float, MemoryChoice]:
     """Return the model that loops held out prefer, its output at the first sample, and how it was chosen.
 
-    `sets` is the number of sets of the last turning point for the candidates with memory.
+    `sets` is the number of sets of the last turning point for the candidates with memory. `rules` is what `fit_rules`
+    returned for the whole record.
     """
-    candidates = _candidates(sets, fit_rules)
-    without, plane = (_held_out(record, fit) for fit in candidates[:2])
+    fit_plane, fit_both = _candidates(record, sets, fit_rules)
+    without, plane = _held_out(record, fit_rules), _held_out(record, fit_plane)
     if plane > _HOPELESS * without:
-        return *candidates[0](record), MemoryChoice(1, plane, without)
+        return *rules, MemoryChoice(1, plane, without)
     inside = _shows_heating_inside(record)
-    both = _held_out(record, candidates[2]) if inside else inf
-    memory, best = (2, both) if both < _BOTH_PAY * plane else (1, plane)
-    chosen = memory if best < _MEMORY_PAYS * without else 0
-    model, y0 = candidates[chosen](record)
-    doubts = () if inside or not chosen else (_ONE_SIDED,)
-    return model, y0, MemoryChoice(_sets_of(model, sets), best, without, doubts)
+    both = _held_out(record, fit_both) if inside else inf
+    fit, best = (fit_both, both) if both < _BOTH_PAY * plane else (fit_plane, plane)
+    if best >= _MEMORY_PAYS * without:
+        return *rules, MemoryChoice(1, best, without)
+    model, y0 = fit(record)
+    return model, y0, MemoryChoice(_sets_of(model, sets), best, without, () if inside else (_ONE_SIDED,))
 
 
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
     """Return the better of the two candidates with memory on the record itself, with `sets` turning-point sets."""
-    _, *candidates = _candidates(sets, fit_rules)
-    fits = [fit(record) for fit in candidates]
+    fits = [fit(record) for fit in _candidates(record, sets, fit_rules)]
     plane, both = (record.misfit(*fit) for fit in fits)
     model, y0 = fits[1 if _shows_heating_inside(record) and both < _BOTH_PAY * plane else 0]
     return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan)
@@ -172,15 +178,16 @@ def _shows_heating_inside(record: Record) -> bool:
     return bool((np.abs(record.mean_y[begins] - cold_y) > _INSIDE * record.output_span).any())
 
 
-def _candidates(sets: int, rules: FitRules) -> tuple[Callable[[Record], tuple[Model, float]], ...]:
+def _candidates(record: Record, sets: int, rules: FitRules) -> tuple[Candidate, Candidate]:
+    """Return the two candidates with memory: the plane alone, and rules and plane."""
+    duhem = fit_duhem(record, components=1).model
     return (
-        rules,
-        lambda record: plane_alone(record, sets),
-        lambda record: rules_and_plane(record, sets, rules),
+        lambda record: plane_alone(record, sets, duhem),
+        lambda record: rules_and_plane(record, sets, duhem, rules),
     )
 
 
-def _held_out(record: Record, fit: Callable[[Record], tuple[Model, float]]) -> float:
+def _held_out(record: Record, fit: Candidate) -> float:
     """Return the RMS error of a candidate on the loops that it did not see, % of the output span."""
     loops, squares, samples = loops_of(record), 0.0, 0.0
     for third in THIRDS:

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import nnls
 
 from smadrive.hysteresis.memory.plane import in_plane
@@ -49,55 +50,60 @@ def _quantiles(record: Record, thresholds: int, *, rising: bool) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class PlaneProblem:
-    """The reduced problem: `orthogonal` (samples and pairs, cells) and `triangular` (cells, cells) are its QR factors.
+    """The reduced problem: `rows` (samples and pairs, cells and the bottom) with the triangular factor R of its QR.
 
-    `weights` (samples,) are the square roots of n_k.
+    The first rows are the samples, each times its weight √n_k (`weights`, (samples,)); the last are the prior.
     """
 
-    orthogonal: FloatArray
+    rows: FloatArray
     triangular: FloatArray
     weights: FloatArray
 
     @classmethod
     def of(cls, shares_on: FloatArray, weights: FloatArray, grid: PlaneGrid, smoothness: float) -> PlaneProblem:
         """Return the problem for the path with `shares_on` (samples, cells), and the square roots of n_k, `weights`."""
-        prior = smoothness * np.sqrt(weights @ weights) * _neighbours(grid)
-        q, r = np.linalg.qr(np.vstack([shares_on * weights[:, None], prior]))
-        return cls(q, r, weights)
+        pairs = smoothness * np.sqrt(weights @ weights) * _neighbours(grid)
+        samples = np.column_stack([shares_on, np.ones(len(shares_on))]) * weights[:, None]
+        rows = np.vstack([samples, np.pad(pairs, ((0, 0), (0, 1)))])
+        return cls(rows, np.asarray(np.linalg.qr(rows, mode="r")), weights)
 
     def masses(self, output: FloatArray) -> FloatArray:
-        """Return the masses of the cells that explain `output` (samples,) best."""
-        right = self.orthogonal[: len(output)].T @ (output * self.weights)
-        return np.asarray(nnls(self.triangular, right, maxiter=_ITERATIONS * len(right))[0])
+        """Return the masses of the cells that explain `output` (samples,) best, with the bottom 0."""
+        return _non_negative(self.triangular[:-1, :-1], self._projected(output)[:-1])
 
     def with_bottom(self, output: FloatArray) -> tuple[float, FloatArray]:
         """Return the bottom and the masses that explain `output` (samples,) best. The bottom is the output at p = 0."""
-        constant, padded = self._padded(np.ones(len(output))), self._padded(output)
-        along = self.orthogonal.T @ constant
-        across = constant - self.orthogonal @ along
-        length = float(np.linalg.norm(across))
-        columns = np.block([[self.triangular, along[:, None]], [np.zeros((1, len(along))), np.array([[length]])]])
-        right = np.append(self.orthogonal.T @ padded, across @ padded / length)
-        found = nnls(np.column_stack([columns, -columns[:, -1]]), right, maxiter=_ITERATIONS * len(right))[0]
-        return float(found[-2] - found[-1]), np.asarray(found[:-2])
+        signed = np.column_stack([self.triangular, -self.triangular[:, -1]])
+        found = _non_negative(signed, self._projected(output))
+        return float(found[-2] - found[-1]), found[:-2]
 
     def residuals(self, output: FloatArray, masses: FloatArray) -> FloatArray:
         """Return the weighted residuals of samples and prior, (samples and pairs,)."""
-        return self._padded(output) - self.orthogonal @ (self.triangular @ masses)
+        return self._padded(output) - self.rows[:, :-1] @ masses
 
     def unexplained(self, changes: FloatArray, active: np.ndarray) -> FloatArray:
         """Return the part of `changes` (samples, unknowns) of the output that the `active` masses cannot explain.
 
         The shape is (samples and pairs, unknowns).
         """
-        basis = self.orthogonal @ np.linalg.qr(self.triangular[:, active])[0]
-        padded = self._padded(changes)
-        return np.asarray(padded - basis @ (basis.T @ padded))
+        rows, padded = self.rows[:, :-1][:, active], self._padded(changes)
+        factor = np.asarray(np.linalg.qr(self.triangular[:-1, :-1][:, active], mode="r"))
+        half = solve_triangular(factor, rows.T @ padded, trans="T")
+        return np.asarray(padded - rows @ solve_triangular(factor, half))
+
+    def _projected(self, output: FloatArray) -> FloatArray:
+        """Return Qᵀ times the weighted output, (cells and the bottom,). Q = rows R⁻¹ is never formed."""
+        along = self.rows[: len(output)].T @ (output * self.weights)
+        return np.asarray(solve_triangular(self.triangular, along, trans="T"))
 
     def _padded(self, output: FloatArray) -> FloatArray:
-        padded = np.zeros((len(self.orthogonal), *output.shape[1:]))
+        padded = np.zeros((len(self.rows), *output.shape[1:]))
         padded[: len(output)] = (output.T * self.weights).T
         return padded
+
+
+def _non_negative(columns: FloatArray, right: FloatArray) -> FloatArray:
+    return np.asarray(nnls(columns, right, maxiter=_ITERATIONS * columns.shape[1])[0])
 
 
 def _neighbours(grid: PlaneGrid) -> FloatArray:

@@ -23,7 +23,7 @@ def test_a_duhem_wire_has_no_memory(rng):
 def test_half_of_a_wire_has_memory(rng):
     wire, v = MixedWire(0.5, 0.4, rng), nested_loops(rng)
     record = prepare(v, 4.0 - 3.0 * wire.simulate(v), None)
-    model, _, memory = choose(record, 20, fit_rules)
+    model, _, memory = choose(record, 20, fit_rules, fit_rules(record))
     assert isinstance(model, TSFuzzyPreisach)
     assert model.share == pytest.approx(0.5, abs=0.15)
     assert model.scale < 0
