@@ -115,8 +115,9 @@ class DisplacementPid:
 
     def __init__(self, reference: Reference, wire: WireModel, limit_a: float) -> None:
         balance, model = wire.balance, wire.model
-        heating = model.engine.heating
-        slope_per_k = float(np.sum(heating.target_slope * np.gradient(heating.target)))
+        inputs = np.linspace(*model.input_range, 1000)
+        slopes = model.branch_slope(inputs, rising=True)
+        slope_per_k = float(np.sum(slopes * np.gradient(model.branch(inputs, rising=True))))
         self.duration_s = reference.duration_s
         self._reference, self._balance, self._limit_a = reference, balance, limit_a
         capacity = balance.heat_capacity_j_per_k + balance.latent_heat_j * slope_per_k

@@ -41,6 +41,7 @@ Candidate = Callable[[Record], tuple[Model, float]]
 """A function that fits a candidate to a record. It returns the model with its output at the first sample."""
 
 _MEMORY_PAYS = 0.8  # largest held-out error with memory, as a share of that without
+_ONE_SIDED_PAYS = 1.0  # the same, where no heating curve begins inside the loop: neither model is tested there
 _HOPELESS = 2.0  # a plane alone whose held-out error is so many times that of the rules is no part of the wire
 _BOTH_PAY = 0.8  # largest error of rules and plane, as a share of that of the plane alone
 _INSIDE = 0.1  # of the output span: a heating curve that begins further from the cold end begins inside the loop
@@ -148,7 +149,7 @@ def choose(
     inside = _shows_heating_inside(record)
     both = _held_out(record, fit_both) if inside else inf
     fit, best = (fit_both, both) if both < _BOTH_PAY * plane else (fit_plane, plane)
-    if best >= _MEMORY_PAYS * without:
+    if best >= (_MEMORY_PAYS if inside else _ONE_SIDED_PAYS) * without:
         return *rules, MemoryChoice(1, best, without)
     model, y0 = fit(record)
     return model, y0, MemoryChoice(_sets_of(model, sets), best, without, () if inside else (_ONE_SIDED,))
