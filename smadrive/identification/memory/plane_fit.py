@@ -2,9 +2,11 @@
 
     minimise  Σ_k n_k (y_k - bottom - Σ_cells on_k,cell m_cell)² + λ² Σ_neighbours (m/A - m'/A')² A A'        m ≥ 0
 
-n_k is the number of samples behind y_k, A the area of a cell. The second sum compares the densities m/A of neighbouring
-cells: cells that no sample determines get the density of their neighbours. The problem is convex (non-negative least
-squares). It is reduced once to a triangular system, so that every other right side costs little.
+y_k is a mean of n_k samples of the output, and bottom the output with all relays off. on_k,cell is the share of the
+relays of a cell that are on, m the mass and A the area of a cell. λ is the weight of the prior. The second sum compares
+the densities m/A of two neighbouring cells: cells that no sample determines get the density of their neighbours. The
+problem is convex (non-negative least squares). It is reduced once to a triangular system, so that another output y on
+the same path costs little.
 """
 
 from __future__ import annotations
@@ -24,9 +26,9 @@ _ITERATIONS = 30  # of the non-negative least squares, for each cell
 
 
 def grid_of(record: Record, thresholds: int) -> PlaneGrid:
-    """Return a grid of `thresholds` up-thresholds and as many down-thresholds, where the output of a record changes.
+    """Return a grid with `thresholds` up-thresholds and as many down-thresholds for a plane that is fitted to `record`.
 
-    Between two thresholds the output changes by equal amounts.
+    The output of the record changes by equal amounts between two thresholds.
     """
     up, down = (_quantiles(record, thresholds, rising=rising) for rising in (True, False))
     return PlaneGrid(up, down, in_plane(up, down))
@@ -49,9 +51,11 @@ def _quantiles(record: Record, thresholds: int, *, rising: bool) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class PlaneProblem:
-    """The reduced problem: `orthogonal` (samples and pairs, cells) and `triangular` (cells, cells) are its QR factors.
+    """The fit of the masses of a plane for one path, reduced to a QR decomposition.
 
-    `weights` (samples,) are the square roots of n_k.
+    `orthogonal` (samples and pairs, cells) and `triangular` (cells, cells) are the QR factors; a pair is two
+    neighbouring cells, compared by the prior. `weights` (samples,) are the square roots of the number of samples in
+    each mean.
     """
 
     orthogonal: FloatArray
@@ -60,18 +64,25 @@ class PlaneProblem:
 
     @classmethod
     def of(cls, shares_on: FloatArray, weights: FloatArray, grid: PlaneGrid, smoothness: float) -> PlaneProblem:
-        """Return the problem for the path with `shares_on` (samples, cells), and the square roots of n_k, `weights`."""
+        """Return the problem for a path on which the share `shares_on` (samples, cells) of the relays is on.
+
+        `weights` (samples,) are the square roots of the number of samples in each mean. `smoothness` is the weight of
+        the prior, which compares neighbouring cells.
+        """
         prior = smoothness * np.sqrt(weights @ weights) * _neighbours(grid)
         q, r = np.linalg.qr(np.vstack([shares_on * weights[:, None], prior]))
         return cls(q, r, weights)
 
     def masses(self, output: FloatArray) -> FloatArray:
-        """Return the masses of the cells that explain `output` (samples,) best."""
+        """Return the masses of the cells (cells,), none negative, that explain `output` (samples,) best."""
         right = self.orthogonal[: len(output)].T @ (output * self.weights)
         return np.asarray(nnls(self.triangular, right, maxiter=_ITERATIONS * len(right))[0])
 
     def with_bottom(self, output: FloatArray) -> tuple[float, FloatArray]:
-        """Return the bottom and the masses that explain `output` (samples,) best. The bottom is the output at p = 0."""
+        """Return the bottom and the masses (cells,) that together explain `output` (samples,) best.
+
+        The bottom is the output with all relays off.
+        """
         constant, padded = self._padded(np.ones(len(output))), self._padded(output)
         along = self.orthogonal.T @ constant
         across = constant - self.orthogonal @ along
@@ -82,13 +93,17 @@ class PlaneProblem:
         return float(found[-2] - found[-1]), np.asarray(found[:-2])
 
     def residuals(self, output: FloatArray, masses: FloatArray) -> FloatArray:
-        """Return the weighted residuals of samples and prior, (samples and pairs,)."""
+        """Return the weighted residuals of `output` (samples,) with these `masses`, then those of the prior.
+
+        The shape is (samples and pairs,); a pair is two neighbouring cells.
+        """
         return self._padded(output) - self.orthogonal @ (self.triangular @ masses)
 
     def unexplained(self, changes: FloatArray, active: np.ndarray) -> FloatArray:
-        """Return the part of `changes` (samples, unknowns) of the output that the `active` masses cannot explain.
+        """Return the part of `changes` of the output that no change of the `active` masses can explain.
 
-        The shape is (samples and pairs, unknowns).
+        `changes` has the shape (samples, unknowns), the mask `active` (cells,), and the result (samples and pairs,
+        unknowns).
         """
         basis = self.orthogonal @ np.linalg.qr(self.triangular[:, active])[0]
         padded = self._padded(changes)
