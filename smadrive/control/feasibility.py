@@ -65,8 +65,8 @@ class SimulatedTick(NamedTuple):
 class Feasibility:
     """The result of a simulated run of a reference.
 
-    `nearest` is the reference that the wire can follow; a feasible reference itself is the nearest. The largest error
-    is `shortfall_mm`, at the time `at_s`, and `limit` names the cause of this error. While the wire fell behind, the
+    `nearest` is the reference that the wire can follow: the reference itself if this is feasible. The largest error is
+    `shortfall_mm`, at the time `at_s`, and `limit` names the cause of this error. While the wire fell behind, the
     mean rates of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest
     temperature of the run. `stroke_mm` is the travel of the wire, `span_mm` the span of the reference after its
     approach.

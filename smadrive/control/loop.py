@@ -62,8 +62,8 @@ class Actuator(Protocol):
 class Tick(NamedTuple):
     """One tick of the loop.
 
-    `time_s` is the time of the measurement since the start of the loop. `late_s` is the time from the tick's deadline
-    to its begin. `command` is the command that the controller computed from `measurement`.
+    `time_s` is the time of the measurement since the start of the loop. `late_s` is the time by which the tick started
+    after its deadline. `command` is the command that the controller computed from `measurement`.
     """
 
     time_s: float
@@ -118,9 +118,9 @@ class ControlLoop:
     def run(self, watchdog_s: float) -> LoopMetrics:
         """Arm the heater, run the ticks, bring the heater into its safe state, and return the counts of the run.
 
-        The ticks end after the duration of the controller, or after a stop request. `watchdog_s` is the timeout of the
-        device: it switches off without a command for this time. SafetyError when heating must not begin, TripError when
-        the supervisor trips.
+        The ticks end after the duration of the controller, or after a stop request. The device switches its heater off
+        after `watchdog_s` without a command. SafetyError when heating must not begin, TripError when the supervisor
+        trips.
         """
         with ends_safe(self._heater.enter_safe_state, is_run=True):
             self._supervisor.check_may_arm(self._heater.exchange(0.0))

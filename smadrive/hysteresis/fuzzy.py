@@ -3,11 +3,16 @@
     IF v is about c_i AND v rises (falls) THEN dw = (a_i w + b_i) dv
 
 c_i is the centre of the fuzzy set i, w the state, and a_i and b_i are the consequent of the rule. The memberships μ_i
-of the sets have the sum 1 at every v (a partition of unity). So the blended law is dw/dv = a(v) w + b(v) with a(v) = Σ
-μ_i(v) a_i and b(v) = Σ μ_i(v) b_i. The second premise has two crisp sets, the two directions of v.
+of the sets have the sum 1 at every v (a partition of unity). So the rules blend into one law:
 
-The paper writes the rules over the time t, with x for the state w: dx/dt = A_i x + B_i, A_i = a_i dv/dt and B_i = b_i
-dv/dt. With constant A_i and B_i the model would depend on the rate of the input, so the rules here multiply dv.
+    dw/dv = a(v) w + b(v)          a(v) = Σ μ_i(v) a_i          b(v) = Σ μ_i(v) b_i
+
+The second premise has two crisp sets, the two directions of v. The paper writes the rules over the time t, with x for
+the state w:
+
+    dx/dt = A_i x + B_i            A_i = a_i dv/dt              B_i = b_i dv/dt
+
+With constant A_i and B_i the model would depend on the rate of the input, so the rules here multiply dv.
 """
 
 from __future__ import annotations

@@ -93,8 +93,8 @@ def read_model(path: str | os.PathLike[str]) -> str:
 def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: str) -> str:
     """Return the text of a model file with `model` and `provenance`.
 
-    Raises ModelError for a type of model without a file format, and for values that JSON cannot hold. The second error
-    names `place`, the path of the file.
+    Raises ModelError for a type of model without a file format, and for values that JSON cannot hold. `place` is the
+    path of the file, for the error.
     """
     document = {
         "schema": SCHEMA_VERSION,

@@ -86,8 +86,8 @@ class TSFuzzyDuhem(BranchModel):
     ) -> Self:
         """Return a model with the consequents (a, b) of the heating rules and of the cooling rules.
 
-        `heating` and `cooling` are pairs (a, b) of arrays with one number per set, in 1/(unit of v). A rule is dw/dv =
-        a w + b.
+        A rule is dw/dv = a w + b. `heating` and `cooling` are pairs (a, b) of arrays with one number per set, in
+        1/(unit of v).
         """
         (a_heating, b_heating), (a_cooling, b_cooling) = heating, cooling
         return cls(

@@ -1,7 +1,7 @@
 """Online adaptation: recursive least squares of the rules, for a wire that changes during its use.
 
-A rule is described by two rates p, q ≥ 0: the state w follows dw/d|v| = ±(p (1 - w) - q w), + on heating, - on cooling.
-So contraction and boundedness are simple bounds of the parameters θ, and every step keeps these bounds:
+A rule is described by two rates p, q ≥ 0: over the travel |v| of the input, the state w follows dw/d|v| = p (1 - w) - q
+w. So contraction and boundedness are simple bounds of the parameters θ, and every step keeps these bounds:
 
     θ = (p, q of the heating rules, p, q of the cooling rules, ln scale)      p, q ≥ 0, p heating ≥ λ, q cooling ≥ λ
 
@@ -10,9 +10,9 @@ which obey the same linear law as w. The error e of the displacement y corrects 
 
     e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P
 
-ψ is the sensitivity of y, r the variance of its noise, P the covariance of θ. P begins as the covariance P₀ of likely
-changes of a wire: its branches shift or widen, and its scale drifts. While the wire travels, the filter forgets: θ is
-an Ornstein-Uhlenbeck process around its initial value θ₀,
+ψ is the sensitivity of y and ψ' its transpose, r the variance of its noise, P the covariance of θ. P begins as the
+covariance P₀ of likely changes of a wire: its branches shift or widen, and its scale drifts. While the wire travels,
+the filter forgets: θ is an Ornstein-Uhlenbeck process around its initial value θ₀,
 
     θ - θ₀ *= ρ      P = ρ² P + (1 - ρ²) P₀      ρ² = exp(-|dv| / forgetting_c)
 
@@ -150,7 +150,7 @@ class Adaptation:
         self._v = v
 
     def _piece(self, middle: float, step: float) -> None:
-        """Advance over one piece with dw/d|v| = ±(p (1 - w) - q w), exact in w; z uses w in the middle of the piece."""
+        """Advance over one piece with dw/d|v| = p (1 - w) - q w, exact in w; z uses w in the middle of the piece."""
         lower, upper = self._base.input_range
         if not lower <= middle <= upper:
             return

@@ -83,7 +83,8 @@ class _Period(NamedTuple):
 class TrackingController:
     """Makes one wire follow one displacement reference.
 
-    A change of the reference, the wire or the settings needs a new controller; it takes over the state of the old one.
+    A change of the reference, the wire or the settings needs a new controller, which takes over the state of the old
+    controller.
     """
 
     def __init__(

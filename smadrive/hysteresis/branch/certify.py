@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 def certify(engine: BranchEngine, laws: Iterable[tuple[FloatArray, FloatArray]] | None = None) -> Certificate:
     """Return the certificate of the model whose branches are tabulated in `engine`.
 
-    `laws` holds the coefficients (a, b) of the heating rules, then those of the cooling rules. A rule is dw/dv = a w +
-    b, and a and b have the shape (rules,). Without `laws`, the coefficients at the nodes of the tables are used.
+    `laws` holds the coefficients (a, b) of the heating rules, then those of the cooling rules; a and b have the shape
+    (rules,). A rule is dw/dv = a w + b. Without `laws`, the coefficients at the nodes of the tables are used.
     """
     (a_heating, b_heating), (a_cooling, b_cooling) = laws or (_law(engine.heating), _law(engine.cooling))
     up, down = engine.heating.exponent, engine.cooling.exponent

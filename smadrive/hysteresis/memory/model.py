@@ -63,7 +63,7 @@ class TSFuzzyPreisach(HysteresisModel):
 
     @property
     def rules(self) -> tuple[Rule | MemoryRule, ...]:
-        """All rules: first those of the T-S fuzzy Duhem model, then those of the Preisach plane that are not 0."""
+        """All rules: those of x, then those of p. A rule of p whose consequent is 0 is left out."""
         return self.local.rules + self.plane.rules
 
     def rules_text(self) -> str:
@@ -176,7 +176,7 @@ class TSFuzzyPreisach(HysteresisModel):
     def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
         """Return `state` with the input v and the output at v on the present section; no turning point is added.
 
-        v may also lie backwards on this section. A v before the turning point continues on the section before.
+        The shift may go backwards on this section. Before its turning point, the section before is used.
         """
         memory, v0, v1 = _memory(state), self._clamp(state.v), self._clamp(v)
         turn, rising = memory.turns[-1], memory.rising

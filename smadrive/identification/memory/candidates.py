@@ -60,10 +60,7 @@ class _Plane:
 
 
 def plane_alone(record: Record, sets: int) -> tuple[Model, float]:
-    """Return a Preisach plane that is fitted to `record`, and the output of this model at the first sample.
-
-    The plane has `sets` thresholds on each axis.
-    """
+    """Return a Preisach plane with `sets` thresholds on each axis, and its output at the first sample."""
     plane = _Plane(record, sets)
     bottom, masses = plane.problem.with_bottom(plane.sign * record.mean_y)
     duhem = fit_duhem(record, components=1).model
@@ -74,10 +71,9 @@ def plane_alone(record: Record, sets: int) -> tuple[Model, float]:
 
 
 def rules_and_plane(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float]:
-    """Return rules and a Preisach plane in parallel, fitted to `record`, and the model's output at the first sample.
+    """Return rules and a plane in parallel, and their output at the first sample.
 
-    The plane has `sets` thresholds on each axis. `fit_rules` fits the rules. If the rules or the plane turn out
-    negligible, the model is the other part alone.
+    If one of the parts is negligible, the model is the other part alone.
     """
     coarse = _Plane(record, min(sets, COARSE))
     sign, span = coarse.sign, record.output_span

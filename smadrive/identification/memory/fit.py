@@ -136,11 +136,9 @@ def loops_of(record: Record) -> np.ndarray:
 
 
 def choose(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
-    """Return the model that predicts held-out loops best, its output at the first sample, and the choice.
+    """Return the model that loops held out prefer, its output at the first sample, and how it was chosen.
 
-    The candidates are rules, a Preisach plane, and both in parallel. A candidate with memory must be clearly better
-    than the rules, and both in parallel must be clearly better than the plane. `sets` is the number of sets of the last
-    turning point of the candidates with memory; `fit_rules` fits the rules.
+    `sets` is the number of sets of the last turning point for the candidates with memory.
     """
     candidates = _candidates(sets, fit_rules)
     without, plane = (_held_out(record, fit) for fit in candidates[:2])
@@ -156,12 +154,7 @@ def choose(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float
 
 
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
-    """Return a fitted model with memory, its output at the first sample, and the choice.
-
-    The model is a Preisach plane alone. It is rules and a plane in parallel if these fit the record clearly better, and
-    if heating curves of the record begin inside the loop. `sets` is the number of sets of the last turning point;
-    `fit_rules` fits the rules.
-    """
+    """Return the better of the two candidates with memory on the record itself, with `sets` turning-point sets."""
     _, *candidates = _candidates(sets, fit_rules)
     fits = [fit(record) for fit in candidates]
     plane, both = (record.misfit(*fit) for fit in fits)

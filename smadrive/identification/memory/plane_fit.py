@@ -51,11 +51,9 @@ def _quantiles(record: Record, thresholds: int, *, rising: bool) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class PlaneProblem:
-    """The fit of the masses of a plane for one path, reduced to a QR decomposition.
+    """The reduced problem: `orthogonal` (samples and pairs, cells) and `triangular` (cells, cells) are its QR factors.
 
-    `orthogonal` (samples and pairs, cells) and `triangular` (cells, cells) are the QR factors; a pair is two
-    neighbouring cells, compared by the prior. `weights` (samples,) are the square roots of the number of samples in
-    each mean.
+    `weights` (samples,) are the square roots of n_k.
     """
 
     orthogonal: FloatArray
@@ -64,25 +62,18 @@ class PlaneProblem:
 
     @classmethod
     def of(cls, shares_on: FloatArray, weights: FloatArray, grid: PlaneGrid, smoothness: float) -> PlaneProblem:
-        """Return the problem for a path on which the share `shares_on` (samples, cells) of the relays is on.
-
-        `weights` (samples,) are the square roots of the number of samples in each mean. `smoothness` is the weight of
-        the prior, which compares neighbouring cells.
-        """
+        """Return the problem for the path with `shares_on` (samples, cells), and the square roots of n_k, `weights`."""
         prior = smoothness * np.sqrt(weights @ weights) * _neighbours(grid)
         q, r = np.linalg.qr(np.vstack([shares_on * weights[:, None], prior]))
         return cls(q, r, weights)
 
     def masses(self, output: FloatArray) -> FloatArray:
-        """Return the masses of the cells (cells,), none negative, that explain `output` (samples,) best."""
+        """Return the masses of the cells that explain `output` (samples,) best."""
         right = self.orthogonal[: len(output)].T @ (output * self.weights)
         return np.asarray(nnls(self.triangular, right, maxiter=_ITERATIONS * len(right))[0])
 
     def with_bottom(self, output: FloatArray) -> tuple[float, FloatArray]:
-        """Return the bottom and the masses (cells,) that together explain `output` (samples,) best.
-
-        The bottom is the output with all relays off.
-        """
+        """Return the bottom and the masses that explain `output` (samples,) best. The bottom is the output at p = 0."""
         constant, padded = self._padded(np.ones(len(output))), self._padded(output)
         along = self.orthogonal.T @ constant
         across = constant - self.orthogonal @ along
@@ -93,17 +84,13 @@ class PlaneProblem:
         return float(found[-2] - found[-1]), np.asarray(found[:-2])
 
     def residuals(self, output: FloatArray, masses: FloatArray) -> FloatArray:
-        """Return the weighted residuals of `output` (samples,) with these `masses`, then those of the prior.
-
-        The shape is (samples and pairs,); a pair is two neighbouring cells.
-        """
+        """Return the weighted residuals of samples and prior, (samples and pairs,)."""
         return self._padded(output) - self.orthogonal @ (self.triangular @ masses)
 
     def unexplained(self, changes: FloatArray, active: np.ndarray) -> FloatArray:
-        """Return the part of `changes` of the output that no change of the `active` masses can explain.
+        """Return the part of `changes` (samples, unknowns) of the output that the `active` masses cannot explain.
 
-        `changes` has the shape (samples, unknowns), the mask `active` (cells,), and the result (samples and pairs,
-        unknowns).
+        The shape is (samples and pairs, unknowns).
         """
         basis = self.orthogonal @ np.linalg.qr(self.triangular[:, active])[0]
         padded = self._padded(changes)

@@ -129,10 +129,11 @@ def _branch_derivatives(tables: RuleTables, loop: Loop) -> tuple[FloatArray, Flo
 
 
 def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals = NOWHERE) -> TSFuzzyDuhem:
-    """Return `model` with its rules changed so that no slope dw/dv is negative down to the share `depth` of the loop.
+    """Return `model` with its rules changed so that the slope dw/dv is not negative.
 
-    Depth 1 is the whole loop, 0 only its branches. The rates q of the heating rules and p of the cooling rules are
-    reduced as little as possible. Rules that are active where the wire itself reverses (`reversals`) stay as they are.
+    This holds from each branch to the share `depth` of the way to the opposite branch: depth 1 is the whole loop. The
+    rates q of the heating rules and p of the cooling rules are reduced as little as possible. Rules that are active
+    where the wire itself reverses (`reversals`) stay as they are.
     """
     p_heating, q_heating = model.heating_law[1], -model.heating_law[0] - model.heating_law[1]
     p_cooling, q_cooling = -model.cooling_law[1], model.cooling_law[0] + model.cooling_law[1]

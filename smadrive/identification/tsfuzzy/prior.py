@@ -26,7 +26,7 @@ _TIE_FLOOR = 2e-6  # tie to the Duhem fit for a record without noise, in output 
 
 
 class Prior:
-    """The rates of a Duhem fit, tabulated over the input v: the rules stay near these rates where no sample is.
+    """The rates of a Duhem fit, tabulated over the input v: the rules stay near them where samples are missing.
 
     There are four rates, all in 1/(input span): p (towards w = 1) and q (towards w = 0) of heating, then of cooling.
     `weight` is the weight of the tie between the rules and these rates.

@@ -143,7 +143,7 @@ class RuleProblem:
         return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift, (weight * wrong).ravel()])
 
     def misfit(self, x: FloatArray) -> float:
-        """Return the RMS error of the output that the unknowns x give, as a share of the output span."""
+        """Return the RMS error of the output that follows from the unknowns x, as a share of the output span."""
         error = self.residuals(x)[: len(self.record.v)]
         return float(np.sqrt(error @ error / self.record.count.sum()))
 
@@ -240,7 +240,7 @@ class RuleProblem:
         return TSFuzzyDuhem.from_laws(sets, *laws_of(*self._rates(x)), scale, offset, record.input_range)
 
     def first_output(self, x: FloatArray) -> float:
-        """Return the output at the first sample that the unknowns x give, in the unit of y."""
+        """Return the output at the first sample, computed from the unknowns x, in the unit of y."""
         return float(x[BOTTOM] + (x[TOP] - x[BOTTOM]) * x[FIRST_STATE]) * self.record.output_span
 
 

@@ -24,12 +24,12 @@ class Unknowns(NamedTuple):
 
     @property
     def rates(self) -> slice:
-        """Position of the rates: p and q of the heating rules, then p and q of the cooling rules."""
+        """Position of the rates in x: p and q of the heating rules, then p and q of the cooling rules."""
         return slice(0, 4 * self.sets)
 
     @property
     def logits(self) -> slice:
-        """Position of the logits of the gaps between the centres."""
+        """Position of the logits in x, one logit for each gap between the centres."""
         return slice(4 * self.sets, 4 * self.sets + self.gaps)
 
     @property
