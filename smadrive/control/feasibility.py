@@ -51,7 +51,7 @@ REASONS: dict[Limit, str] = {
 
 
 class SimulatedTick(NamedTuple):
-    """One tick: time, setpoint, displacement and temperature of the model, power, and the largest power."""
+    """One simulated tick: time, setpoint, displacement and temperature of the wire, power, and the largest power."""
 
     time_s: float
     setpoint_mm: float
@@ -63,12 +63,13 @@ class SimulatedTick(NamedTuple):
 
 @dataclass(frozen=True)
 class Feasibility:
-    """The result of a simulated run.
+    """The result of a simulated run of a reference.
 
-    `nearest` is the reference that the wire can follow; if the reference is feasible, this is the reference itself. The
-    largest error is `shortfall_mm`, at the time `at_s`, and `limit` is its cause. While the wire fell behind, the mean
-    rates of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest temperature
-    of the run. `stroke_mm` is the travel of the wire, `span_mm` the span of the reference after its approach.
+    `nearest` is the reference that the wire can follow: the reference itself if this is feasible. The largest error is
+    `shortfall_mm`, at the time `at_s`, and `limit` names the cause of this error. While the wire fell behind, the
+    mean rates of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest
+    temperature of the run. `stroke_mm` is the travel of the wire, `span_mm` the span of the reference after its
+    approach.
     """
 
     feasible: bool
@@ -95,7 +96,7 @@ class Feasibility:
 
     @property
     def slower(self) -> float:
-        """The factor, approximately, by which the reference must be slowed down; at least 1.1."""
+        """The factor by which the reference must be slowed down, approximately; at least 1.1."""
         return max(1.1, abs(self.setpoint_mm_per_s) / max(abs(self.reached_mm_per_s), 1e-3 * self.stroke_mm))
 
     def __str__(self) -> str:
@@ -134,7 +135,7 @@ class Feasibility:
 def simulate_run(
     reference: Reference, wire: WireModel, inverse: DisplacementInverse, settings: TrackingSettings, start: WireState
 ) -> Feasibility:
-    """Track `reference` on the model of the wire, from the state `start`, and judge the result."""
+    """Simulate a run of `reference` on the model of the wire, from the state `start`, and return its result."""
     balance = replace(wire.balance, loss_w_per_k=(1.0 - MARGIN) * wire.balance.loss_w_per_k)
     slow_wire = WireModel(wire.model, balance)
     weak = replace(settings, current_limit_a=(1.0 - MARGIN) * settings.current_limit_a)

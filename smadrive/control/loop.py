@@ -39,30 +39,31 @@ StopRequested = Callable[[], bool]
 
 
 def never() -> bool:
-    """Return False: no user requests a stop, so the run ends with its controller or by an exception."""
+    """Return False: no user requests a stop. The run ends with its controller, a trip or an error."""
     return False
 
 
 class Actuator(Protocol):
-    """The heater as the loop needs it: methods to enable it, to command a current, and to reach zero current."""
+    """The interface of a heater for the loop: enable the heater, command a current, reach zero current."""
 
     def arm(self, watchdog_s: float) -> None:
         """Enable heating at zero current; the device switches off after `watchdog_s` without a command."""
         ...
 
     def exchange(self, current_a: float) -> Measurement:
-        """Command `current_a` for the coming period, and return a measurement of the wire."""
+        """Command `current_a` for the coming period, and return the measurement of the same exchange."""
         ...
 
     def enter_safe_state(self) -> None:
-        """Bring the current to zero, confirmed by read-back."""
+        """Bring the current to zero, and confirm zero by read-back."""
         ...
 
 
 class Tick(NamedTuple):
     """One tick of the loop.
 
-    `time_s` is the time of the measurement since the start. `late_s` is the delay of the tick after its deadline.
+    `time_s` is the time of the measurement since the start of the loop. `late_s` is the time by which the tick started
+    after its deadline. `command` is the command that the controller computed from `measurement`.
     """
 
     time_s: float
@@ -82,10 +83,11 @@ class LoopMetrics:
 
 
 class ControlLoop:
-    """Runs one controller on one heater under one supervisor, every `period_s`; calls `record` with each tick.
+    """Runs one controller on one heater under one supervisor, with a tick every `period_s`.
 
-    After `stop_requested` has returned True, the loop sends only the safe state. `on_trip` gets a trip before the
-    heater is switched off, because the process may be killed while it switches off.
+    `record` is called with each tick. After `stop_requested` has returned True, the loop sends only the safe state.
+    `on_trip` is called with a trip before the loop switches the heater off, because the process may be killed during
+    this time.
     """
 
     def __init__(
@@ -114,10 +116,11 @@ class ControlLoop:
         self.figures = LoopMetrics()
 
     def run(self, watchdog_s: float) -> LoopMetrics:
-        """Arm the heater, run the ticks, and end in the safe state.
+        """Arm the heater, run the ticks, bring the heater into its safe state, and return the counts of the run.
 
-        The ticks end with the controller's duration or with a stop request. SafetyError when heating must not begin,
-        TripError when the supervisor trips.
+        The ticks end after the duration of the controller, or after a stop request. The device switches its heater off
+        after `watchdog_s` without a command. SafetyError when heating must not begin, TripError when the supervisor
+        trips.
         """
         with ends_safe(self._heater.enter_safe_state, is_run=True):
             self._supervisor.check_may_arm(self._heater.exchange(0.0))
@@ -151,8 +154,8 @@ class ControlLoop:
         """Run one tick, which begins `late_s` after its deadline. TripError when the supervisor trips.
 
         Controller and log use the time of the measurement as the time of the tick. A device that answers late has also
-        changed its current late. With the time of the deadline, the heat balance would take this delay for a change of
-        the heat input.
+        changed its current late. If the tick had the time of its deadline, this delay would look like a change of the
+        heat input.
         """
         self.figures.ticks += 1
         missed = late_s > LATE_FRACTION * self._period_s

@@ -1,14 +1,16 @@
-"""Certificates of a branch model dw/dv = a w + b from linear system theory, checked rule by rule.
+"""Certificates of a model whose state w follows dw/dv = a w + b, from linear system theory.
 
-Contraction   a ≤ -λ on heating and a ≥ λ on cooling. Two trajectories with the same input approach each other as
-              exp(-λ · TV(v)), where TV is the total variation of v. So the unknown initial state loses its effect
-              after a known travel, and a periodic input has one attracting loop. Over a whole loop, differences shrink
-              by the factor exp(-∮|a| dv), which is usually much smaller.
+The properties are proven rule by rule.
+
+Contraction   a ≤ -λ on heating and a ≥ λ on cooling, with λ > 0. Two trajectories with the same input v approach each
+              other as exp(-λ · TV(v)), where TV is the total variation of v. So the unknown initial state loses its
+              effect after a known travel, and a periodic input has one attracting loop. λ is the smallest |a|, so a
+              whole loop shrinks differences more than λ tells: by the factor exp(-∮|a| dv).
 Boundedness   The equilibria S = -b/a (heating) and R = -b/a (cooling) lie in [0, 1], so w never leaves [0, 1].
 Monotone      The slope is affine in w: w rises on heating where w < S(v), and falls on cooling where w > R(v). Between
-              R(v) and S(v) the inverse is unique. In a Duhem model R = h₊ and S = h₋ are the branches, so the
-              model is invertible everywhere. If a branch of the major loop itself reverses, the wire moves backwards
-              during a full sweep.
+              R(v) and S(v) the inverse is unique. In a Duhem model R is the heating branch and S the cooling branch,
+              so this model is invertible everywhere. If a branch of the major loop itself reverses, the wire moves
+              backwards during a full sweep.
 """
 
 from __future__ import annotations
@@ -23,13 +25,13 @@ MOST_TURNED = 0.2  # share of the travel; a saturated wire reverses by a tenth, 
 
 @dataclass(frozen=True, slots=True)
 class Certificate:
-    """Proven properties of a model.
+    """Proven properties of a model with the input v and the state w.
 
-    contraction_rate   λ in 1/(unit of v); the model contracts if λ > 0
-    loop_contraction   factor by which one loop over the whole range shrinks the distance of two trajectories
+    contraction_rate   λ in 1/(unit of v): a travel s of v multiplies the distance of two states by at most exp(-λ s)
+    loop_contraction   factor by which one loop over the whole range shrinks the distance of two states
     bounded            True if w stays in [0, 1]
     invertible_share   share of the area between the major branches where w rises on heating and falls on cooling
-    turned_share       largest reversal along either major branch, as a share of the loop's travel
+    turned_share       largest reversal of w along either branch of the major loop, as a share of the loop's travel
     """
 
     contraction_rate: float
@@ -40,7 +42,7 @@ class Certificate:
 
     @property
     def contracting(self) -> bool:
-        """True if the contraction rate is positive: trajectories approach each other on heating and on cooling."""
+        """True if the contraction rate is positive: the distance of two states shrinks on heating and on cooling."""
         return self.contraction_rate > 0
 
     @property

@@ -2,12 +2,14 @@
 
     heating:  dw/dv = (h₋ - w)/d · g₊         cooling:  dw/dv = (w - h₊)/d · g₋         d = h₋ - h₊ > 0,  g± = h±'
 
-h₊ is the heating branch, h₋ the cooling branch. The scale k appears only once, in y = offset + k w. The particular
-solutions are the major branches: P = h₊ with a = -g₊/d on heating, P = h₋ with a = g₋/d on cooling. In both tails d is
+v is the input, w the state, h₊(v) the heating branch and h₋(v) the cooling branch. The scale k appears only once, in
+the output y = offset + k w. In the form dw/dv = a w + b, a is -g₊/d on heating and g₋/d on cooling. One particular
+solution P of each law is known, a branch of the major loop: P = h₊ on heating, P = h₋ on cooling. In both tails d is
 the difference of two nearly equal numbers. It is computed from ln h below the loop and from ln(1 - h) above the loop,
 so that a tends to a Mills ratio instead of 0/0.
 
-Nine standard deviations beyond every component the branches agree to 1e-18, and the state is constant.
+Each branch is a sum of Gaussian distributions. Nine standard deviations outside all of them both branches agree to
+1e-18, and the state is constant.
 """
 
 from __future__ import annotations
@@ -31,9 +33,9 @@ _NO_KINKS = np.empty(0)
 
 
 class DuhemModel(BranchModel):
-    """A Duhem model whose branches h± are mixtures of Gaussian distributions.
+    """A Duhem model whose heating and cooling branches are mixtures of Gaussian distributions.
 
-    Raises ModelError when the branches cross inside `input_range` or do not overlap it.
+    Raises ModelError when the branches cross inside `input_range`, or when they lie outside `input_range`.
     """
 
     def __init__(
@@ -68,10 +70,10 @@ class DuhemModel(BranchModel):
         offset: float = 0.0,
         input_range: tuple[float, float],
     ) -> Self:
-        """Return a model with one Gaussian per branch, as in the paper.
+        """Return a model with one Gaussian distribution per branch, as in the paper.
 
-        mu, sigma and input_range have the unit of v; scale and offset have the unit of y. ModelError for invalid
-        parameters and for branches that cross.
+        mu (mean), sigma (standard deviation) and input_range have the unit of v; scale and offset have the unit of y.
+        Raises ModelError for invalid parameters, and for branches that cross.
         """
         if (mu_heating, mu_cooling, sigma_heating, sigma_cooling) == (75, 70, 35, -45):
             what = (
@@ -85,10 +87,11 @@ class DuhemModel(BranchModel):
 
     @classmethod
     def table1(cls) -> Self:
-        """Return the model of the paper's Table 1: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70, v ±300.
+        """Return the model of Table 1 of the paper, over the input range from -300 to 300.
 
-        The paper prints the values of μ in the column of σ, and the values of σ in the column of μ. Here they are
-        right.
+        The scale is 40. The heating branch has the mean 35 and the standard deviation 75, the cooling branch -45 and
+        70. The paper prints means and standard deviations in each other's columns; this model has them in the right
+        place.
         """
         return cls.gaussian(
             mu_heating=35, mu_cooling=-45, sigma_heating=75, sigma_cooling=70, scale=40, input_range=(-300, 300)
@@ -104,10 +107,10 @@ class DuhemModel(BranchModel):
         offset: float = 0.0,
         input_range: tuple[float, float],
     ) -> Self:
-        """Return a model with several Gaussians per branch.
+        """Return a model with several Gaussian distributions per branch.
 
-        ModelError for invalid parameters and for branches that cross. On measured wires one Gaussian per branch leaves
-        an error of 2 to 4 % of the span, two leave about 0.5 %.
+        Raises ModelError for invalid parameters, and for branches that cross. On measured wires, one Gaussian per
+        branch leaves an error of 2 to 4 % of the span, and two Gaussians per branch leave about 0.5 %.
         """
         return cls(heating, cooling, scale, offset, input_range)
 
@@ -116,7 +119,10 @@ class DuhemModel(BranchModel):
         return self.engine.target(v, rising=True), self.engine.target(v, rising=False)
 
     def local_laws(self, v: FloatArray, *, rising: bool) -> tuple[FloatArray, FloatArray]:
-        """Return a(v) and b(v) of dw/dv = a w + b by Eq. (9) of the paper, in the shape of v."""
+        """Return a and b of dw/dv = a w + b at the inputs `v`, both in the shape of `v`; Eq. (9) of the paper.
+
+        The laws are those of heating if `rising`, otherwise those of cooling.
+        """
         heating, cooling = self.heating.logs(v), self.cooling.logs(v)
         log_gap = _log_gap(heating, cooling)
         if rising:
@@ -126,7 +132,10 @@ class DuhemModel(BranchModel):
         return rate, -rate * self.heating.cdf(v)
 
     def certificate(self) -> Certificate:
-        """Return the certificate. Its contraction rate is the smallest rate |a| at the nodes of the table."""
+        """Return the certificate.
+
+        Its contraction rate is the smallest |a| of the law dw/dv = a w + b at the nodes of the tables.
+        """
         return certify(self.engine)
 
     def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
@@ -143,7 +152,7 @@ def _log_gap(heating: MixtureLogs, cooling: MixtureLogs) -> FloatArray:
 
 
 def grid_logs(mixture: GaussianMixture, nodes: FloatArray) -> MixtureLogs:
-    """Return the logarithms of a mixture at the nodes of a grid, followed by those at its quadrature points."""
+    """Return the logarithms of `mixture`, first at the nodes of a grid, then at its quadrature points."""
     return mixture.logs(np.concatenate([nodes, quadrature_points(nodes).ravel()]))
 
 
@@ -152,8 +161,8 @@ def duhem_branches(
 ) -> tuple[Branch, Branch]:
     """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
-    ModelError for branches that cross. `steepest` is the largest allowed rate |a|. If it is finite, branches may cross,
-    because the trial models of a fit may cross.
+    `steepest` is the largest |a| of dw/dv = a w + b. Raises ModelError for branches that cross if `steepest` is
+    infinite. With a finite `steepest`, branches may cross, because a fit also tries such models.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])

@@ -2,10 +2,17 @@
 
     IF v is about c_i AND v rises (falls) THEN dw = (a_i w + b_i) dv
 
-The memberships μ_i of the sets have the sum 1 everywhere (a partition of unity), so the blended law is
-a(v) = Σ μ_i(v) a_i. The second premise has two crisp sets, the directions of v. The paper writes the rules over time,
-dx/dt = A_i x + B_i with A_i = a_i dv/dt and B_i = b_i dv/dt. With constant A_i and B_i the model would depend on the
-rate of the input, so the rules here multiply dv.
+c_i is the centre of the fuzzy set i, w the state, and a_i and b_i are the consequent of the rule. The memberships μ_i
+of the sets have the sum 1 at every v (a partition of unity). So the rules blend into one law:
+
+    dw/dv = a(v) w + b(v)          a(v) = Σ μ_i(v) a_i          b(v) = Σ μ_i(v) b_i
+
+The second premise has two crisp sets, the two directions of v. The paper writes the rules over the time t, with x for
+the state w:
+
+    dx/dt = A_i x + B_i            A_i = a_i dv/dt              B_i = b_i dv/dt
+
+With constant A_i and B_i the model would depend on the rate of the input, so the rules here multiply dv.
 """
 
 from __future__ import annotations
@@ -27,7 +34,10 @@ MOST_SETS = 200
 
 
 class Rule(NamedTuple):
-    """One rule. Its premise is the centre of the set on v and the direction (+1 or -1), its consequent has a and b."""
+    """One rule: IF v is about `centre` AND v rises or falls THEN dw = (a w + b) dv.
+
+    v is the input and w the state. `direction` is +1 for rising v, -1 for falling v. a and b are in 1/(unit of v).
+    """
 
     centre: float
     direction: int
@@ -39,20 +49,23 @@ class Rule(NamedTuple):
         return f"IF v is about {self.centre:.6g} AND v {motion} THEN dw = ({self.a:+.6g} w {self.b:+.6g}) dv"
 
     def time_law(self, rate: float) -> tuple[float, float]:
-        """Return A and B of the paper's Eq. (11), in 1/s, at the input rate dv/dt = `rate`."""
+        """Return A and B of this rule as a law over time, dw/dt = A w + B, both in 1/s; Eq. (11) of the paper.
+
+        `rate` is the input rate dv/dt, in (unit of v)/s.
+        """
         return self.a * rate, self.b * rate
 
 
 class FuzzySets(Protocol):
-    """A partition of unity over v: the memberships of all sets have the sum 1 at every input."""
+    """Fuzzy sets over the input v. At every v the memberships of all sets have the sum 1 (a partition of unity)."""
 
     @property
     def centres(self) -> tuple[float, ...]:
-        """Centres of the sets, ascending."""
+        """Centres of the sets, ascending, in the unit of v."""
 
     @property
     def kinks(self) -> FloatArray:
-        """Inputs at which the weights are not smooth."""
+        """Inputs at which the memberships are not smooth, in the unit of v; empty if they are smooth everywhere."""
 
     def weights(self, v: FloatArray) -> FloatArray:
         """Return the memberships at v, shape v.shape + (sets,); their sum over the sets is 1."""
@@ -60,9 +73,10 @@ class FuzzySets(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TriangularSets:
-    """Triangular sets; the first and the last are shoulders (see Figure 8 of the paper).
+    """Triangular fuzzy sets over the input v, as in Figure 8 of the paper.
 
-    The blended law is piecewise linear.
+    The membership of a set is 1 at its centre, and falls linearly to 0 at the two neighbouring centres. The first set
+    keeps the membership 1 below its centre, and the last set above its centre (shoulders).
     """
 
     centres: tuple[float, ...]
@@ -72,17 +86,21 @@ class TriangularSets:
 
     @property
     def kinks(self) -> FloatArray:
-        """See FuzzySets."""
+        """The centres, at which the memberships are not smooth."""
         return np.array(self.centres)
 
     def weights(self, v: FloatArray) -> FloatArray:
-        """See FuzzySets."""
+        """Return the memberships at v, shape v.shape + (sets,); their sum over the sets is 1."""
         return hat_weights(np.asarray(v), np.array(self.centres))
 
 
 @dataclass(frozen=True, slots=True)
 class TrapezoidSets:
-    """Trapezoidal sets. Flat tops take the share `flat` (0 ≤ flat < 1) of each gap between two centres."""
+    """Trapezoidal fuzzy sets over the input v.
+
+    Of each gap between two centres, the share `flat` (0 ≤ flat < 1) has constant memberships, half of this share at
+    each centre. Between these flat parts the memberships change linearly.
+    """
 
     centres: tuple[float, ...]
     flat: float
@@ -94,7 +112,7 @@ class TrapezoidSets:
 
     @property
     def kinks(self) -> FloatArray:
-        """See FuzzySets."""
+        """Inputs at which a flat part ends and the memberships begin to change, ascending, in the unit of v."""
         return np.sort(np.concatenate(self._slopes()))
 
     def _slopes(self) -> tuple[FloatArray, FloatArray]:
@@ -103,7 +121,7 @@ class TrapezoidSets:
         return centres[:-1] + margin, centres[1:] - margin
 
     def weights(self, v: FloatArray) -> FloatArray:
-        """See FuzzySets."""
+        """Return the memberships at v, shape v.shape + (sets,); their sum over the sets is 1."""
         start, end = self._slopes()
         ramps = np.clip((np.asarray(v)[..., None] - start) / (end - start), 0.0, 1.0)
         edge = np.ones((*ramps.shape[:-1], 1))
@@ -112,7 +130,10 @@ class TrapezoidSets:
 
 @dataclass(frozen=True, slots=True)
 class GaussianSets:
-    """Gaussian sets exp(-(v - c)²/(2 width²)), normalised to the sum 1. Every rule is a little active everywhere."""
+    """Gaussian fuzzy sets exp(-(v - c)²/(2 width²)) with the centres c, divided by the sum of all sets.
+
+    `width` has the unit of v. Every rule has a small effect at every input.
+    """
 
     centres: tuple[float, ...]
     width: float
@@ -124,18 +145,18 @@ class GaussianSets:
 
     @property
     def kinks(self) -> FloatArray:
-        """See FuzzySets."""
+        """An empty array: these memberships are smooth everywhere."""
         return np.empty(0)
 
     def weights(self, v: FloatArray) -> FloatArray:
-        """See FuzzySets."""
+        """Return the memberships at v, shape v.shape + (sets,); their sum over the sets is 1."""
         exponents = -0.5 * ((np.asarray(v)[..., None] - np.array(self.centres)) / self.width) ** 2
         bells = np.exp(exponents - exponents.max(axis=-1, keepdims=True))
         return np.asarray(bells / bells.sum(axis=-1, keepdims=True))
 
 
 def hat_weights(v: FloatArray, centres: FloatArray) -> FloatArray:
-    """Return the memberships of triangular sets with shoulders, shape v.shape + (sets,)."""
+    """Return the memberships of TriangularSets with these `centres` at v, shape v.shape + (sets,)."""
     held = np.clip(v, centres[0], centres[-1]).ravel()
     left = np.clip(np.searchsorted(centres, held, side="right") - 1, 0, len(centres) - 2)
     share = (held - centres[left]) / (centres[left + 1] - centres[left])

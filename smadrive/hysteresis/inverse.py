@@ -1,9 +1,9 @@
 """Inverse feedforward: the input that brings the wire to an output setpoint.
 
-The setpoint w1 and the state (v0, w0) determine the direction, sign(w1 - w0). In this direction w(v) is monotone, so
-w(v1) = w1 has one solution v1; `HysteresisModel.reach` finds it. An unreachable setpoint is not an error: the result is
-the end of the range, with `reachable` False. In real time the state must be the estimated state of the wire, not the
-setpoint.
+The output setpoint corresponds to a state w1. The wire has the state w0 at the input v0. So the direction of the input
+is sign(w1 - w0). In this direction w(v) is monotone, and w(v1) = w1 has one solution v1; `HysteresisModel.reach` finds
+this input. An unreachable setpoint is not an error: the result is the end of the range, with `reachable` False. In real
+time w0 must be the estimated state of the wire, not the setpoint.
 """
 
 from __future__ import annotations
@@ -46,15 +46,16 @@ class InverseTrajectory:
 
 
 class InverseFeedforward:
-    """The inverse of a hysteresis model: `update` for one sample, `trajectory` for a whole reference."""
+    """The inverse of a hysteresis model: `update` inverts one setpoint, `trajectory` a whole reference."""
 
     def __init__(self, model: HysteresisModel) -> None:
         self.model = model
 
     def update(self, state: HysteresisState, y_setpoint: float) -> Inversion:
-        """Return the input that takes the wire from `state` to `y_setpoint`, and the output that it reaches.
+        """Return the input that takes the wire from `state` to the output `y_setpoint`, and the output at this input.
 
-        DataError for a setpoint that is not finite.
+        For an unreachable setpoint this input is the end of the range, and `reachable` is False. Raises DataError for a
+        setpoint that is not finite.
         """
         if not isfinite(y_setpoint):
             raise DataError("not finite", where="output setpoint", value=y_setpoint)
@@ -66,7 +67,7 @@ class InverseFeedforward:
         return Inversion(v, model.offset + model.scale * w, abs(w - w1) <= 10 * _CLOSE)
 
     def trajectory(self, y_ref: ArrayLike, v0: float, y0: float | None = None) -> InverseTrajectory:
-        """Return the inputs for a reference path `y_ref` (samples,), sample by sample.
+        """Return the inputs that take the wire along a reference path of outputs, `y_ref` (samples,).
 
         The path starts at input v0 and output y0; without y0 it starts on the heating branch. Raises DataError for
         values that are not finite, and for more than one dimension.

@@ -1,9 +1,10 @@
-"""Convex mixtures of Gaussian distributions: h±(v) of the Duhem model, exact far out in the tails.
+"""Convex mixtures of Gaussian distributions: the branches h(v) of the Duhem model, exact far out in the tails.
 
     h(v) = Σ p_j Φ((v - μ_j)/σ_j),  g = h',  p_j > 0, Σ p_j = 1
 
-With one component these are Eqs. (3) and (6) of the paper. `logs` returns the logarithms of h and of 1 - h, so that
-ratios far out in the tails stay exact.
+Component j has the weight p_j, the mean μ_j and the standard deviation σ_j. Φ is the standard normal distribution
+function, g the density. With one component these are Eqs. (3) and (6) of the paper. `GaussianMixture.logs` returns the
+logarithms of h and of 1 - h, so that ratios far out in the tails stay exact.
 """
 
 from __future__ import annotations
@@ -28,7 +29,12 @@ MOST_COMPONENTS = 20
 
 
 class MixtureLogs(NamedTuple):
-    """Logarithms of the distribution function h, of 1 - h, and of the density g = h', at some inputs."""
+    """Natural logarithms of a mixture at some inputs.
+
+    cdf   of the distribution function h
+    sf    of 1 - h
+    pdf   of the density h', the derivative of h
+    """
 
     cdf: FloatArray
     sf: FloatArray
@@ -46,7 +52,10 @@ def _check_numbers(name: str, values: object) -> None:
 
 @dataclass(frozen=True, slots=True)
 class GaussianMixture:
-    """Weights, means and standard deviations of the components. Raises ModelError for invalid parameters."""
+    """A mixture of Gaussian distributions: weights, means and standard deviations of its components.
+
+    Raises ModelError for invalid parameters.
+    """
 
     weights: tuple[float, ...]
     means: tuple[float, ...]
@@ -70,18 +79,21 @@ class GaussianMixture:
             raise ModelError("must be positive and have the sum 1", where="mixture: weights", value=self.weights)
 
     def span(self, sigmas: float) -> tuple[float, float]:
-        """Return the interval from the lowest to the highest mean ± `sigmas` standard deviations."""
+        """Return the smallest interval that contains each mean ± `sigmas` standard deviations of its component."""
         return (
             min(m - sigmas * s for m, s in zip(self.means, self.sigmas, strict=True)),
             max(m + sigmas * s for m, s in zip(self.means, self.sigmas, strict=True)),
         )
 
     def cdf(self, v: FloatArray) -> FloatArray:
-        """Return the distribution function h(v), in the shape of v."""
+        """Return the distribution function of the mixture at v, in the shape of v."""
         return np.asarray(np.tensordot(np.array(self.weights), ndtr(self._standard(v)), axes=1))
 
     def logs(self, v: FloatArray) -> MixtureLogs:
-        """Return the logarithms of h, 1 - h and g = h' at v, each in the shape of v."""
+        """Return the logarithms of the distribution function h at v, of 1 - h and of the density h'.
+
+        Each has the shape of v.
+        """
         standard, log_weights = self._standard(v), np.log(self._column(self.weights, v))
         log_density = -0.5 * standard**2 - _LOG_ROOT_TWO_PI - np.log(self._column(self.sigmas, v))
         parts = log_ndtr(standard), log_ndtr(-standard), log_density

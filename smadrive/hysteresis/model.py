@@ -48,7 +48,7 @@ class HysteresisState(NamedTuple):
 
 
 class HysteresisModel(ABC):
-    """Base of all hysteresis models. `input_range` is the range of v, and y = offset + scale · w."""
+    """The base class of all hysteresis models. `input_range` is the range of v, and y = offset + scale · w."""
 
     def __init__(self, scale: float, offset: float, input_range: tuple[float, float]) -> None:
         self.scale = scale
@@ -61,35 +61,37 @@ class HysteresisModel(ABC):
 
     @abstractmethod
     def certificate(self) -> Certificate:
-        """Return the proven properties of this model: contraction, boundedness, invertible band."""
+        """Return the proven properties of this model: contraction, boundedness, where the inverse is unique."""
 
     @abstractmethod
     def branch(self, v: FloatArray, *, rising: bool) -> FloatArray:
-        """Return the state w on a branch of the major loop at the inputs `v`: heating if `rising`, else cooling."""
+        """Return the state w at the inputs `v` on the heating branch if `rising`, otherwise on the cooling branch."""
 
     @abstractmethod
     def branch_slope(self, v: FloatArray, *, rising: bool) -> FloatArray:
-        """Return dw/dv on a branch of the major loop at the inputs `v`: heating if `rising`, else cooling."""
+        """Return dw/dv at the inputs `v` on the heating branch if `rising`, otherwise on the cooling branch."""
 
     @abstractmethod
     def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
-        """Return the input that takes the wire from `state` to the state `w`, and the state that it gives.
+        """Return the input that takes the wire from `state` to the state w, and the state at this input.
 
-        The input moves in one direction. If no input of the range gives `w`, the result is the end of the range.
+        The input moves in one direction only. If no input of the range leads to w, the result is the end of the range,
+        and the state at this end.
         """
 
     @abstractmethod
     def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:
-        """Return `state` with input and output replaced by estimates v and y. The model makes no step.
+        """Return `state` with its input replaced by the estimate v, and its output by the estimate y.
 
-        An output that the model cannot have at v is replaced by the nearest possible one.
+        The model makes no step. An output that the model cannot have at v is replaced by the nearest possible output.
         """
 
     @abstractmethod
     def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
-        """Return `state` with its input replaced by an estimate v, and with the output that belongs to it.
+        """Return `state` with its input replaced by the estimate v, and its output by the model's output at v.
 
-        The model makes no step, so no turning point is added. `direction` is that of the last move of the input.
+        The model makes no step, so no turning point is added. `direction` is the direction of the last move of the
+        input: +1 or -1.
         """
 
     @abstractmethod
@@ -111,9 +113,9 @@ class HysteresisModel(ABC):
     def simulate(self, v: ArrayLike, y0: ArrayLike | None = None) -> FloatArray:
         """Return the outputs y along an input path `v`, shape (samples,) or (samples, wires).
 
-        `y0` is the output at v[0], one number or one per wire; without y0 the wires start on the heating branch. An
-        output that the model cannot have at v[0] is replaced by the nearest possible one. DataError for other shapes,
-        and for values that are not finite.
+        `y0` is the output at v[0], one number or one number per wire; without `y0` the wires start on the heating
+        branch. An output that the model cannot have at v[0] is replaced by the nearest possible output. Raises
+        DataError for other shapes, and for values that are not finite.
         """
         path = finite_array("input v", v)
         columns = path.reshape(len(path), -1)
@@ -140,8 +142,8 @@ class HysteresisModel(ABC):
     def initial_state(self, v0: float, y: float | None = None) -> HysteresisState:
         """Return the state at input v0 with output y; without y the state on the heating branch.
 
-        An output that the model cannot have at v0 is replaced by the nearest possible one. Raises DataError when v0 or
-        y is not a finite number.
+        An output that the model cannot have at v0 is replaced by the nearest possible output. Raises DataError when v0
+        or y is not a finite number.
         """
         where = "initial state (v0, y)"
         if not (
@@ -207,9 +209,9 @@ def loop_plot(model: HysteresisModel, input_name: str = "input", output_name: st
 
 
 def check_output_map(scale: float, offset: float, input_range: tuple[float, float]) -> tuple[float, float]:
-    """Return `input_range` as floats.
+    """Check scale, offset and input range of a model, and return the two ends of the range as floats.
 
-    ModelError for values that are not numbers, a zero scale, an empty or falling range, and values that are not finite.
+    Raises ModelError for values that are not finite numbers, for the scale 0, and for a range that does not increase.
     """
     if not isfinite(real_number(scale, "scale", ModelError)) or scale == 0:
         cure = "give a positive scale, or a negative one when the output falls on heating"

@@ -1,7 +1,7 @@
 """Models as JSON files: schema version, kind, parameters, provenance.
 
-A file is written completely or not at all. Reading accepts only a complete, finite, certified model; an error names
-file, key, value and cure.
+A file is written completely or not at all. Reading accepts only a complete file with finite numbers, and by default
+only a certified model. An error names the file, the key, the value and the cure.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ def save_model(
 def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False) -> IdentifiedModel:
     """Load a model from a file.
 
-    Raises ModelError for a malformed file, and CertificateError for an uncertified model unless `allow_uncertified`.
+    Raises ModelError for a malformed file. Raises CertificateError for a model whose certificate does not hold, unless
+    `allow_uncertified` is True.
     """
     return parse_model(read_model(path), place=str(path), allow_uncertified=allow_uncertified)
 
@@ -73,7 +74,7 @@ def _check_path(path: object) -> None:
 def read_model(path: str | os.PathLike[str]) -> str:
     """Return the text of a model file.
 
-    ModelError when the file cannot be read, is of another kind, or is larger than `MOST_BYTES`.
+    Raises ModelError when the file cannot be read, is not a model file, or is larger than `MOST_BYTES`.
     """
     _check_path(path)
     check_kind(Path(path), MODEL)
@@ -90,7 +91,11 @@ def read_model(path: str | os.PathLike[str]) -> str:
 
 
 def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: str) -> str:
-    """Return the text of a model file. Raises the ModelErrors of `save_model`, which name `place`."""
+    """Return the text of a model file with `model` and `provenance`.
+
+    Raises ModelError for a type of model without a file format, and for values that JSON cannot hold. `place` is the
+    path of the file, for the error.
+    """
     document = {
         "schema": SCHEMA_VERSION,
         **_describe(model),
@@ -107,7 +112,11 @@ def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: 
 
 
 def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> IdentifiedModel:
-    """Return the model in the text of a file; errors name `place`. Raises the errors of `load_model`."""
+    """Return the model that the text of a model file describes.
+
+    `place` is the path of the file, which the errors name. Raises ModelError for a malformed text. Raises
+    CertificateError for a model whose certificate does not hold, unless `allow_uncertified` is True.
+    """
     try:
         fields = Fields(place, json.loads(text))
     except ValueError as error:

@@ -1,19 +1,19 @@
 """Dead band against false reversals.
 
-Noise on the input v reverses it at every sample. A hysteresis model answers each reversal with a minor loop and
-ratchets. A play operator of width 2r passes only reversals larger than 2r:
+Noise on the input v reverses v at every sample. A hysteresis model answers each reversal with a minor loop and
+ratchets. A play operator with the radius r passes only reversals larger than 2r. Its position after sample k is
 
     p_k = min(max(p_{k-1}, v_k - r), v_k + r)
 
 The position p lags v by about r, and in the middle of the loop a lag of 1 K means 5 % of the stroke. The direction s of
-the last move of p gives the sign of the lag, so the filter returns u = p + r s. While v rises, u is the largest input
-since the last true reversal; while v falls, u is the smallest. A reversal smaller than 2r leaves u constant, and u
-follows a larger reversal at once. A radius r of a few standard deviations of the noise is enough.
+the last move of p (+1 or -1) gives the sign of the lag, so the filter returns u = p + r s. While v rises, u is the
+largest input since the last true reversal; while v falls, u is the smallest. A reversal smaller than 2r leaves u
+constant, and u follows a larger reversal at once. A radius r of a few standard deviations of the noise is enough.
 
 The extreme of many noisy samples lies beyond the true turning point, by a few standard deviations if the input reverses
-slowly, and the hysteresis model keeps this error from then on. A running filter cannot avoid it. In a record, the
-samples after the turning point are known as well. So the turning point of a record is estimated from two parabolas, one
-before and one after it, fitted to the samples within a few radii.
+slowly. The hysteresis model keeps this error from then on. A filter in real time cannot avoid this error. In a record,
+the samples after the turning point are known as well. So the turning point of a record is estimated from two parabolas,
+one before and one after the turning point, fitted to the samples within a few radii.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ class Play(NamedTuple):
     direction: int = 0
 
     def moved(self, v: float, radius: float) -> Play:
-        """Return the state after the input has moved to v."""
+        """Return the state of the play operator after the input has moved to v. `radius` has the unit of v."""
         return Play(*_moved(self.position, self.direction, v, radius))
 
     def output(self, radius: float) -> float:
-        """Return the filtered input u."""
+        """Return the filtered input: the position, plus `radius` in the direction of the last move."""
         return self.position + self.direction * radius
 
 
@@ -60,9 +60,9 @@ def _moved(position: float, direction: int, v: float, radius: float) -> tuple[fl
 
 
 class DeadBand:
-    """The filter for samples in real time. The radius r has the unit of v.
+    """Removes reversals smaller than 2 · `radius` from an input in real time. The radius has the unit of the input.
 
-    ModelError for a negative or infinite radius.
+    Raises ModelError for a negative or infinite radius.
     """
 
     def __init__(self, radius: float) -> None:
@@ -71,14 +71,14 @@ class DeadBand:
         self._direction = 0
 
     def update(self, v: float) -> float:
-        """Take the sample v, and return the filtered input u."""
+        """Take the sample v of the input, and return the filtered input."""
         before = v if self._position is None else self._position
         self._position, self._direction = _moved(before, self._direction, v, self.radius)
         return self._position + self._direction * self.radius
 
 
 def filter_reversals(v: ArrayLike, radius: float) -> FloatArray:
-    """Return the filtered inputs of a path `v` (samples,), the same as from `DeadBand` sample by sample."""
+    """Return the filtered inputs of a path `v` (samples,). `DeadBand` returns the same values sample by sample."""
     band = DeadBand(radius)
     return np.array([band.update(sample) for sample in finite_array("input v", v).tolist()])
 
@@ -86,7 +86,7 @@ def filter_reversals(v: ArrayLike, radius: float) -> FloatArray:
 def turning_points(v: FloatArray, radius: float) -> list[int]:
     """Return the indices of the first sample, of the turning points, and of the last sample of `v`.
 
-    A turning point is a sample at which v reverses by more than 2r.
+    A turning point is a sample at which `v` reverses by more than 2 · `radius`.
     """
     moved = np.diff(filter_reversals(v, radius))
     moving = np.flatnonzero(moved)
@@ -100,10 +100,10 @@ def turning_points(v: FloatArray, radius: float) -> list[int]:
 
 
 def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
-    """Return the path `v` (samples,) without its false reversals.
+    """Return the input path `v` (samples,) without its false reversals, which are those below 2 · `radius`.
 
-    Between true turning points the result is the monotone path with the smallest squared distance from v. This function
-    needs a complete record. It averages the noise, while the real-time filter follows the noise to its extremes.
+    Between true turning points the result is the monotone path with the smallest squared distance from `v`. This
+    function needs a complete record. It averages the noise, while `DeadBand` follows the noise to its extremes.
     """
     corners = turning_points(v, radius)
     turned, result = v.copy(), v.copy()

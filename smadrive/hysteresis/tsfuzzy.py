@@ -1,9 +1,10 @@
-"""The T-S fuzzy Duhem model: the rules are blended into one law per branch, and each step is exact.
+"""The T-S fuzzy Duhem model: the rules are blended into one law per direction, and each step is exact.
 
     dw/dv = Σ_i μ_i(v) (a_i w + b_i) = a(v) w + b(v)           one (a_i, b_i) per fuzzy set and direction
 
-Each rule is a scalar semilinear Duhem model (Oh and Bernstein, IEEE TAC 50(5):631-645, 2005). As particular solutions
-the engine uses the branches of the closed major loop, which a full sweep up and down maps onto itself.
+v is the input, w the state, μ_i the membership of the fuzzy set i. Each rule is a scalar semilinear Duhem model (Oh and
+Bernstein, IEEE TAC 50(5):631-645, 2005). `branch/engine.py` computes the exact step from one particular solution per
+direction. These solutions are the branches of the closed major loop: a full sweep up and down ends where it began.
 """
 
 from __future__ import annotations
@@ -35,12 +36,13 @@ Law = tuple[FloatArray, FloatArray]
 
 
 class TSFuzzyDuhem(BranchModel):
-    """A model with two rules per fuzzy set of v: one for rising input, one for falling input.
+    """A T-S fuzzy Duhem model with two rules per fuzzy set of v: one for rising input, one for falling input.
 
-    a_heating, b_heating, a_cooling and b_cooling have one number per set, in 1/(unit of v). ModelError for another
-    number of values, values that are not finite, an impossible scale, offset or range, sets outside `input_range`, and
-    rules that increase the distance of two states by more than a factor of exp(50) over the range. Other rules that do
-    not contract are allowed here; certificate() reports them, and load_model rejects them.
+    a_heating, b_heating, a_cooling and b_cooling have one number per set, in 1/(unit of v). A rule is dw/dv = a w + b.
+    Raises ModelError for another number of values, for values that are not finite, for an impossible scale, offset or
+    range, and for sets outside `input_range`. Raises ModelError, too, for rules that increase the distance of two
+    states by more than a factor of exp(50) over the range. Weaker rules that do not contract are allowed here:
+    certificate() reports them, and load_model rejects them.
     """
 
     def __init__(
@@ -70,9 +72,9 @@ class TSFuzzyDuhem(BranchModel):
 
     @classmethod
     def from_duhem(cls, model: DuhemModel, sets: FuzzySets) -> Self:
-        """Return a model whose rules are the local laws of a Duhem model at the centres of the sets.
+        """Return a model whose rules have the a and b of a Duhem model at the centres of the sets.
 
-        This is the derivation approach of the paper, Eq. (9).
+        The law of the Duhem model is dw/dv = a(v) w + b(v). This is the derivation approach of the paper, Eq. (9).
         """
         centres = np.clip(np.array(sets.centres), model.engine.lower, model.engine.upper)
         heating, cooling = (model.local_laws(centres, rising=rising) for rising in (True, False))
@@ -82,7 +84,11 @@ class TSFuzzyDuhem(BranchModel):
     def from_laws(
         cls, sets: FuzzySets, heating: Law, cooling: Law, scale: float, offset: float, input_range: tuple[float, float]
     ) -> Self:
-        """Return a model with the rules `heating` for rising input and `cooling` for falling input."""
+        """Return a model with the consequents (a, b) of the heating rules and of the cooling rules.
+
+        A rule is dw/dv = a w + b. `heating` and `cooling` are pairs (a, b) of arrays with one number per set, in
+        1/(unit of v).
+        """
         (a_heating, b_heating), (a_cooling, b_cooling) = heating, cooling
         return cls(
             sets,
@@ -109,7 +115,10 @@ class TSFuzzyDuhem(BranchModel):
         return "\n".join(map(str, self.rules))
 
     def rules_table(self) -> str:
-        """Return the rules as a table with the columns centre, a and b for rising, a and b for falling input."""
+        """Return the rules as a text table, one line per set.
+
+        The columns are centre, a and b for rising input, a and b for falling input.
+        """
         head = f"{'centre':>12} {'a rising':>13} {'b rising':>13} {'a falling':>13} {'b falling':>13}"
         rows = zip(self.sets.centres, *self.heating_law, *self.cooling_law, strict=True)
         return "\n".join([head, *("{:12.6g} {:13.6g} {:13.6g} {:13.6g} {:13.6g}".format(*row) for row in rows)])
@@ -119,7 +128,7 @@ class TSFuzzyDuhem(BranchModel):
         return 0.0, 1.0
 
     def certificate(self) -> Certificate:
-        """Return the certificate; contraction and boundedness are checked rule by rule."""
+        """Return the certificate. Contraction and boundedness are proven rule by rule."""
         return certify(self.engine, (self.heating_law, self.cooling_law))
 
     def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
@@ -135,9 +144,10 @@ class MembershipGrid:
         self.at_nodes = self._weights[: len(nodes)]
 
     def closed_branches(self, heating_law: Law, cooling_law: Law) -> tuple[Branch, Branch]:
-        """Return the heating and the cooling branch of the closed major loop of these rules.
+        """Return the heating and the cooling branch of the major loop that a full sweep up and down closes.
 
-        ModelError for rules that increase the distance of two states by more than a factor of exp(50).
+        `heating_law` and `cooling_law` are pairs (a, b) of arrays with one number per set; a rule is dw/dv = a w + b.
+        Raises ModelError for rules that increase the distance of two states by more than a factor of exp(50).
         """
         blended = self._blended(np.array([*heating_law, *cooling_law]))
         at_nodes, inside = np.split(blended, [len(self._nodes)], axis=1)

@@ -1,8 +1,9 @@
 """The stack of turning points, with wiping-out.
 
-`turns` alternates between minima and maxima of the input and begins with the lower end of the range: a wire was cold
-once. So its length tells the direction: an odd length means that v has been rising since turns[-1], which is a minimum.
-When v passes the turning point before the last, both are forgotten, and the older section goes on (wiping-out).
+`turns` alternates between minima and maxima of the input v. Its first entry is the lower end of the range, because a
+wire was cold once. The length of `turns` tells the direction: with an odd length v has been rising since the minimum
+turns[-1], with an even length v has been falling since the maximum turns[-1]. When v passes the turning point before
+the last, the last two turning points are forgotten, and the older section continues (wiping-out).
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ Turns = tuple[float, ...]
 
 
 class Memory(NamedTuple):
-    """What a wire remembers besides its input and its state w.
+    """The memory of a wire, in addition to its input and its state w.
 
-    local     state x of the rules
-    plane     state p of the Preisach plane
+    local     state of the T-S fuzzy Duhem rules
+    plane     state of the Preisach plane
     turns     turning points of the input, the oldest first; the first is the lower end of the range
     dropped   number of turning points that were dropped because there were more than `MOST_TURNS`
     """
@@ -36,21 +37,25 @@ class Memory(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """A part of a monotone move: the input moves to `end` on the section that began at the turning point `turn`."""
+    """A part of a monotone move of the input, up to `end`, on the section that began at the turning point `turn`."""
 
     turn: float
     end: float
 
 
 def reversed_at(turns: Turns, v: float) -> Turns:
-    """Return the turning points after the input has reversed at v. See `MOST_TURNS`."""
+    """Return the turning points after the input has reversed at v.
+
+    If there are `MOST_TURNS` already, v is not added, and the newest turning point is dropped as well.
+    """
     return (*turns, v) if len(turns) < MOST_TURNS else turns[:-1]
 
 
 def pieces(turns: Turns, end: float) -> tuple[list[Piece], Turns]:
-    """Return the pieces of a move to `end` in the direction of `turns`, and the turning points after it.
+    """Return the pieces of a move of the input to `end`, and the turning points after this move.
 
-    A move has one piece more than it wipes out pairs of turning points.
+    The direction of the move is the direction that `turns` tells. Each pair of turning points that the move wipes out
+    ends one piece; the last piece ends at `end`.
     """
     found = []
     rising = len(turns) % 2 == 1

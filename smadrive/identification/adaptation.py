@@ -1,21 +1,18 @@
 """Online adaptation: recursive least squares of the rules, for a wire that changes during its use.
 
-The rules are described by rates p and q that must not be negative (see sensitivity.py). So contraction and boundedness
-are simple bounds of θ, and every step keeps these bounds:
+A rule is described by two rates p, q ≥ 0: over the travel |v| of the input, the state w follows dw/d|v| = p (1 - w) - q
+w. So contraction and boundedness are simple bounds of the parameters θ, and every step keeps these bounds:
 
     θ = (p, q of the heating rules, p, q of the cooling rules, ln scale)      p, q ≥ 0, p heating ≥ λ, q cooling ≥ λ
 
-λ is the smallest allowed contraction rate. The measured temperature drives the model. It also drives the sensitivities
-z = ∂w/∂θ, which obey the same linear law as w. The error e of the displacement corrects θ with the gain K of a Kalman
-filter:
+λ is the smallest allowed contraction rate. The measured temperature drives the model and the sensitivities z = ∂w/∂θ,
+which obey the same linear law as w. The error e of the displacement y corrects θ with the gain K of a Kalman filter:
 
     e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P
 
-y is the measured displacement, ψ its sensitivity, r the variance of its noise, P the covariance of θ.
-
-Likely changes of a wire are that its branches shift or widen, and that its scale drifts. P begins as the covariance P₀
-of these changes. While the wire travels, the filter forgets: θ is an Ornstein-Uhlenbeck process around its initial
-value θ₀,
+ψ is the sensitivity of y and ψ' its transpose, r the variance of its noise, P the covariance of θ. P begins as the
+covariance P₀ of likely changes of a wire: its branches shift or widen, and its scale drifts. While the wire travels,
+the filter forgets: θ is an Ornstein-Uhlenbeck process around its initial value θ₀,
 
     θ - θ₀ *= ρ      P = ρ² P + (1 - ρ²) P₀      ρ² = exp(-|dv| / forgetting_c)
 
@@ -54,11 +51,11 @@ class AdaptationSettings:
     """Speed and range of the adaptation. Displacements are shares of the stroke, temperatures are in K.
 
     noise          standard deviation of the noise of the displacement
-    dead_zone      nothing is learned from a smaller error of the displacement
+    dead_zone      displacement error up to which a sample changes no parameter
     drift_c        likely shift of a branch, K (standard deviation)
     drift          likely change of the scale and of the width of a branch, as a share (standard deviation)
-    free           likely change of a single rule, as a share of the largest rate of this rule and its neighbours
-    forgetting_c   travel in K after which 1/e of the difference between P and P₀ is left
+    free           likely change of a single rate, as a share of the largest of this rate and its neighbours
+    forgetting_c   travel in K over which the covariance of the parameters returns to its initial value (1/e is left)
     limit          largest distance of a parameter from its initial value, in standard deviations of the likely changes
     """
 
@@ -153,7 +150,7 @@ class Adaptation:
         self._v = v
 
     def _piece(self, middle: float, step: float) -> None:
-        """Advance over one piece with dw/d|v| = ±(p (1 - w) - q w), exact in w; z uses w in the middle of the piece."""
+        """Advance over one piece with dw/d|v| = p (1 - w) - q w, exact in w; z uses w in the middle of the piece."""
         lower, upper = self._base.input_range
         if not lower <= middle <= upper:
             return

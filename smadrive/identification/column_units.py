@@ -38,7 +38,10 @@ def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
 
 
 def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tuple[str, ...]:
-    """Return the reasons to doubt the stroke of a wire of `length_mm`, one sentence each; empty for a usual stroke."""
+    """Return the reasons to doubt the unit of a displacement, one sentence each; empty for a usual stroke.
+
+    `displacement_mm` are the values of a record, `length_mm` is the length of the wire.
+    """
     span_mm = float(np.ptp(displacement_mm))
     strain = span_mm / length_mm
     if STRAINS[0] <= strain <= STRAINS[1]:
@@ -50,10 +53,10 @@ def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tup
 
 
 def time_doubts(times_s: NDArray[np.float64], name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the reasons to doubt that times are in s, one sentence each.
+    """Return the reasons to doubt that `times_s` are in s, one sentence each.
 
-    `values` are the column `name`. If it is a temperature, its mean rate shows if the times have a wrong unit. For any
-    other column the result is empty.
+    `values` are the column `name` of the same table. If this column is a temperature, its mean rate shows a wrong unit
+    of the times. For any other column the result is empty.
     """
     duration_s = float(np.ptp(times_s))
     rate = float(np.abs(np.diff(values)).sum()) / duration_s if duration_s > 0 else np.inf

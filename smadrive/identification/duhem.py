@@ -2,9 +2,9 @@
 
 The unknowns are the mean, width and weight of every Gaussian of both branches, the scale and the offset. The fit
 minimises the error of the simulated output; a fit of slopes would amplify noise and bias the loop. The first fit has
-one Gaussian per branch. Fits with more Gaussians start from several splits of this fit. The branches must not cross.
-A penalty acts where the distance of the heating branch h₊ and the cooling branch h₋ is less than a margin, in standard
-deviations. The fit raises the penalty until the model is valid over the range.
+one Gaussian per branch. Fits with more Gaussians start from this fit, with each Gaussian split in several ways. The
+branches must not cross. A penalty acts where the distance of the heating branch h₊ and the cooling branch h₋ is less
+than a margin, in standard deviations. The fit raises the penalty until the model is valid over the range.
 """
 
 from __future__ import annotations
@@ -48,17 +48,17 @@ _SPLITS = ((0.6, 0.6, 0.9), (0.0, 0.5, 1.5), (0.9, 0.7, 0.7))  # shift and width
 
 @dataclass(frozen=True, slots=True)
 class DuhemFit(Fit[DuhemModel]):
-    """An identified Duhem model, its metrics, and the standard errors of its parameters (see uncertainty)."""
+    """An identified Duhem model, its metrics, and the standard errors of its parameters."""
 
     standard_errors: DuhemErrors
 
 
 def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band: float | None = None) -> DuhemFit:
-    """Fit a Duhem model with `components` Gaussians per branch to a record.
+    """Fit a Duhem model with `components` Gaussians per branch to a record, and return the model with its metrics.
 
-    v and y are input and output, both (samples,). `dead_band` is the radius of the reversal filter in the unit of v;
-    without it the radius follows from the noise of v. Raises DataError for samples that cannot be used,
-    IdentificationError when the record does not determine a loop.
+    v and y are input and output of one wire, both (samples,). `dead_band` is the radius of the reversal filter in the
+    unit of v; without `dead_band` the radius follows from the noise of v. Raises DataError for samples that cannot be
+    used, IdentificationError when the record does not determine a loop.
     """
     count = whole_number(components, "components", "Gaussians per branch", 1, MOST_COMPONENTS, IdentificationError)
     problem, x, fit = _solve(prepare(v, y, dead_band), count)
@@ -70,7 +70,7 @@ def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band
 
 
 def fit_duhem(record: Record, components: int) -> Fit[DuhemModel]:
-    """Fit a Duhem model to a prepared record, without standard errors."""
+    """Fit a Duhem model with `components` Gaussians per branch to a prepared record, without standard errors."""
     return _solve(record, components)[2]
 
 

@@ -42,9 +42,10 @@ class ExcitationRecord:
 
 @dataclass(frozen=True)
 class Excitation:
-    """A piecewise linear temperature path through `turning_points_c` at constant rate, and the name of its plan.
+    """The temperature path of an identification experiment, with the name of its plan.
 
-    Where the wire cools more slowly than `rate_c_per_s`, the controller holds the path until the wire follows.
+    The path leads in straight lines through `turning_points_c` at the rate `rate_c_per_s`. Where the wire cools more
+    slowly, the controller holds the path until the wire follows.
     """
 
     turning_points_c: tuple[float, ...]
@@ -73,7 +74,7 @@ class Excitation:
 
     @property
     def duration_s(self) -> float:
-        """Length of the path, s, without the time for which the controller holds it."""
+        """Duration of the path, s, without the time for which the controller holds the path."""
         return float(self.times_s[-1])
 
     @property
@@ -83,7 +84,7 @@ class Excitation:
         return sum(min(inner) < point_c < max(inner) for point_c in inner)
 
     def temperature_c(self, time_s: float) -> float:
-        """Return the setpoint at `time_s` after the start. After the end of the path the last turning point holds."""
+        """Return the temperature setpoint at `time_s` after the start, °C. The path ends at its last turning point."""
         return self._path_c.at(time_s)
 
     @cached_property
@@ -97,11 +98,11 @@ def path_length_k(turning_points_c: Iterable[float]) -> float:
 
 
 def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a: float, found: Measurement) -> None:
-    """Raise ConfigError when the experiment is impossible with the nominal wire; `found` is a sample before the start.
+    """Raise ConfigError when the nominal wire cannot follow the excitation, or when no displacement is measured.
 
-    The displacement must be measured. The largest current must reach the highest temperature at the rate of the path.
-    The wire must cool at this rate at the lowest temperature, where it cools slowest. The nominal wire must heat and
-    cool with a reserve of the factor `SPARE`.
+    `balance` is the nominal heat balance, `found` a measurement before the start. The largest current must reach the
+    highest temperature at the rate of the path. The wire must cool at this rate at the lowest temperature, where it
+    cools slowest. Heating and cooling must have a reserve of the factor `SPARE`.
     """
     if not isfinite(found.displacement_mm):
         raise ConfigError(

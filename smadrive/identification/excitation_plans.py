@@ -43,11 +43,11 @@ MOST_REVERSALS = 40
 
 
 class ExcitationPlan(NamedTuple):
-    """A plan: its turning points from low_c, high_c, start_c and a number of reversals.
+    """A plan of the identification experiment.
 
-    turning_points_c    returns the turning points
-    usual               number of reversals, if neither the number nor a time is given
-    fewest              smallest number of reversals that is planned for a time
+    turning_points_c    function that returns the turning points from low_c, high_c, start_c and a number of reversals
+    usual               number of reversals, if neither this number nor a duration is given
+    fewest              smallest number of reversals that is planned for a given duration
     """
 
     turning_points_c: Callable[[float, float, float, int], tuple[float, ...]]
@@ -67,8 +67,9 @@ def planned_excitation(
 ) -> Excitation:
     """Return the path of `plan`, with `reversals` or with as many reversals as fit into `duration_s`.
 
-    The path starts at `start_c`, the present temperature of the wire. With neither number it has the usual number of
-    reversals. ConfigError unless `high_c` exceeds `low_c`, and if the smallest path lasts longer than `duration_s`.
+    The path starts at `start_c`, the present temperature of the wire. Without `reversals` and `duration_s` the plan has
+    its usual number of reversals. ConfigError if `high_c` does not exceed `low_c`, and if the path with the fewest
+    reversals lasts longer than `duration_s`.
     """
     _check_range(low_c, high_c)
     turning_points_c, usual, _ = PLANS[plan]
@@ -84,8 +85,9 @@ def nested_reversals(
 ) -> Excitation:
     """Return the path of an excitation: `major_loops` full loops, then shrinking inner loops.
 
-    The path enters the inner loops first from `low_c`, then from `high_c`, each time with `reversals` loops. It starts
-    at `start_c`, the present temperature of the wire. ConfigError unless `high_c` exceeds `low_c`.
+    The path begins at `start_c`, the present temperature of the wire. After the full loops it makes `reversals` inner
+    loops that it enters from `low_c`, then as many that it enters from `high_c`. ConfigError if `high_c` does not
+    exceed `low_c`.
     """
     _check_range(low_c, high_c)
     return Excitation(_nested(low_c, high_c, start_c, reversals, major_loops), rate_c_per_s, "nested")

@@ -62,8 +62,8 @@ class Record:
     def misfit(self, model: HysteresisModel, y0: float) -> float:
         """Return the RMS error of `model` against the means of the cells, as a share of the output span.
 
-        The simulation starts at the output `y0`. The scatter within the cells does not count, because no model explains
-        it, and it would hide small differences.
+        The simulation starts at the output `y0`. The scatter within the cells does not count: no model explains the
+        scatter, and it would hide small differences between models.
         """
         error = (model.simulate(self.v, y0) - self.mean_y) / self.output_span
         return float(np.sqrt(self.count @ error**2 / self.count.sum()))
@@ -77,10 +77,11 @@ def noise_deviation(samples: FloatArray) -> float:
 
 
 def prepare(v: ArrayLike, y: ArrayLike, dead_band: float | None) -> Record:
-    """Check a record, remove its false reversals, and average its samples in cells.
+    """Check a record, remove its false reversals, average its samples in cells, and return the prepared record.
 
-    `dead_band` is the radius of the reversal filter in the unit of v; without it the radius follows from the noise of
-    v. Raises DataError for samples that cannot be used, IdentificationError for a record without a full loop.
+    v and y are input and output, both (samples,). `dead_band` is the radius of the reversal filter in the unit of v; if
+    it is None, the radius follows from the noise of v. Raises DataError for samples that cannot be used,
+    IdentificationError for a record without a full loop.
     """
     inputs, outputs = paired_vectors(v, y)
     span, output_span = float(np.ptp(inputs)), float(np.ptp(outputs))

@@ -1,14 +1,15 @@
 """Changes of a model by hand, for a wire whose branches have moved or become wider.
 
-Place μ and spread σ of a branch are mean and standard deviation of its slope, taken as a distribution over v:
+The place μ and the spread σ of a branch P(v) of the major loop are the mean and the standard deviation of its slope,
+taken as a distribution over the input v:
 
-    μ = ∫ v dP / ∫ dP        σ² = ∫ (v - μ)² dP / ∫ dP          P: the branch of the major loop
+    μ = ∫ v dP / ∫ dP        σ² = ∫ (v - μ)² dP / ∫ dP
 
-With u(v) = μ_old + (v - μ_new) σ_old/σ_new, the new law at v is the old law at u, divided by the stretch σ_new/σ_old.
-For a Duhem model this is exact. In a T-S model both branches share the sets of the rules: the centres move by the mean
-of the moves of both branches, and the new consequents are interpolated between the old consequents. Contraction and
-boundedness depend only on the signs of the rates, so the new model is contracting and bounded, too. Slopes that have
-the wrong sign in the new model are corrected.
+A new law of the state results from the old law: with u(v) = μ_old + (v - μ_new) σ_old/σ_new, the new law at v is the
+old law at u, divided by the stretch σ_new/σ_old. For a Duhem model this is exact. In a T-S fuzzy model both branches
+share the sets of the rules. So the centres move by the mean of the moves of both branches, and the new consequents are
+interpolated between the old consequents. Contraction and boundedness depend only on the signs of the rates, so the new
+model is contracting and bounded, too. Slopes that have the wrong sign in the new model are corrected.
 """
 
 from __future__ import annotations
@@ -38,7 +39,11 @@ _INVERTIBLE = 0.999
 
 
 class BranchShape(NamedTuple):
-    """Place μ and spread σ of both branches, in the unit of v, and the scale of the output, in the unit of y."""
+    """Places and spreads of both branches, in the unit of the input, and scale of the output, in the unit of y.
+
+    The place mu is the input in the middle of a branch, and the spread sigma tells how wide the branch is: they are
+    mean and standard deviation of the slope of the branch, taken as a distribution over the input.
+    """
 
     mu_heating: float
     mu_cooling: float
@@ -78,7 +83,7 @@ class _Rules(NamedTuple):
 
 
 def shape_of(model: IdentifiedModel) -> BranchShape:
-    """Return the shape of the major loop of a model."""
+    """Return the shape of the major loop of `model`: places and spreads of both branches, and the scale."""
     nodes = (model.local if isinstance(model, TSFuzzyPreisach) else model).engine.nodes
     mu_heating, sigma_heating = _moments(nodes, model.branch(nodes, rising=True))
     mu_cooling, sigma_cooling = _moments(nodes, model.branch(nodes, rising=False))
@@ -86,7 +91,10 @@ def shape_of(model: IdentifiedModel) -> BranchShape:
 
 
 def reshaped(model: IdentifiedModel, shape: BranchShape) -> IdentifiedModel:
-    """Return `model` with its branches moved to `shape`. ModelError for a shape that is impossible or out of range."""
+    """Return `model` with its branches and its scale changed to `shape`.
+
+    ModelError for a shape that is impossible, or that lies outside the input range of the model.
+    """
     _check(model, shape)
     now = shape_of(model)
     _check_widths(now.sigma_heating, now.sigma_cooling)

@@ -1,12 +1,13 @@
 """The heat balance of a wire, fitted to a recorded excitation.
 
 The record contains the electrical power P = U I, the thermocouple reading T_tc and the phase w (the displacement,
-scaled to its span). With P(t) and w(t) given, the heat balance of `smadrive.wire.heat_balance` is linear,
+scaled to its span). With P(t) and w(t) given, the heat balance is linear,
 
     m c dT/dt = P - Q dw/dt - h A (T - T_a),     lag dT_tc/dt = T - T_tc,
 
-so two first-order filters simulate the reading exactly. The fit finds the parameters (m c, h A, Q, T_a, lag) with the
-smallest error of the reading, and never differentiates a noisy signal. R(w) is a separate straight-line fit of U/I.
+with the wire temperature T, heat capacity m c, latent heat Q, heat loss h A and ambient temperature T_a. So two
+first-order filters simulate the reading exactly. The fit finds the parameters (m c, h A, Q, T_a, lag) with the smallest
+error of the reading, and never differentiates a noisy signal. The resistance R(w) is a separate line fit of U/I.
 """
 
 from __future__ import annotations
@@ -81,9 +82,9 @@ class _Samples:
 def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit:
     """Fit the heat balance to one recorded excitation.
 
-    The search begins at the nominal heat balance `start`; a parameter stays within a factor of 5 (ambient_c: 16 K).
-    IdentificationError for an unusable record (too short, not sorted by time, no heating, no movement of the wire), and
-    for a parameter that ends at its bound or has too large an interval.
+    The search begins at the nominal heat balance `start`. A parameter stays within a factor of 5, and ambient_c within
+    16 K. IdentificationError for an unusable record (too short, unsorted, no heating, no movement), and for a parameter
+    that ends at its bound or has too large an interval.
     """
     _check_excited(record)
     phase = _phase(record.displacement_mm, record.temperature_c)
@@ -105,7 +106,7 @@ def _check_excited(record: ExcitationRecord) -> None:
     time = record.time_s
     if time.size < MIN_SAMPLES:
         raise IdentificationError(
-            "too few samples", where=FIT, value=time.size, limit=MIN_SAMPLES, cure="excite longer"
+            "too few samples", where=FIT, value=time.size, limit=MIN_SAMPLES, cure="record a longer excitation"
         )
     if not np.all(np.diff(time) > 0):
         raise IdentificationError("time_s does not increase everywhere", where=FIT, cure="sort the samples by time")
@@ -232,7 +233,7 @@ def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, f
     heated = current > MIN_CURRENT_FRACTION * current.max()
     if np.count_nonzero(heated) < MIN_HEATED_SAMPLES:
         what = "too few samples with current to fit the resistance"
-        raise IdentificationError(what, where=FIT, limit=MIN_HEATED_SAMPLES, cure="excite longer")
+        raise IdentificationError(what, where=FIT, limit=MIN_HEATED_SAMPLES, cure="record a longer excitation")
     ohm = record.voltage_v[heated] / current[heated]
     (slope, cold), covariance = np.polyfit(phase[heated], ohm, 1, w=current[heated], cov=True)
     slope_ohm, cold_ohm = (1.96 * np.sqrt(np.diag(covariance))).tolist()

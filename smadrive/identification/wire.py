@@ -33,11 +33,11 @@ DUHEM_COMPONENTS = 2
 
 
 class FitSettings(NamedTuple):
-    """What model to fit.
+    """The kind of hysteresis model to fit to a record, and its size.
 
-    kind         T-S fuzzy model, or Duhem model
-    sets         fuzzy sets of a T-S fuzzy model
-    memory       sets of the last turning point of a T-S fuzzy model; None lets held-out loops decide, 1 is no memory
+    kind         "tsfuzzy" for a T-S fuzzy Duhem model, "duhem" for a Duhem model
+    sets         number of fuzzy sets of a T-S fuzzy model
+    memory       number of sets of the last turning point of a T-S fuzzy model; 1: no memory, None: the record decides
     components   Gaussians per branch of a Duhem model
     """
 
@@ -59,13 +59,16 @@ class WireFit:
 
     @property
     def wire(self) -> IdentifiedWire:
-        """The identified wire."""
+        """The identified wire: hysteresis model, heat balance, caveats and metrics."""
         fit = self.hysteresis
         return IdentifiedWire(fit.model, self.thermal.balance, fit.caveats, fit.metrics)
 
 
 def identify_hysteresis(v: ArrayLike, y: ArrayLike, settings: FitSettings) -> AnyFit:
-    """Fit output y over input v, both (samples,). Raises the errors of `identify_memory` or `identify_duhem`."""
+    """Fit a hysteresis model with the input v and the output y, both (samples,), and return it with its metrics.
+
+    Raises the errors of `identify_memory` for a T-S fuzzy model, and those of `identify_duhem` for a Duhem model.
+    """
     if settings.kind == "duhem":
         return identify_duhem(v, y, components=settings.components)
     return identify_memory(v, y, settings.sets, memory=settings.memory)
@@ -76,10 +79,10 @@ def identify_wire(
     start: HeatBalance,
     settings: FitSettings = STANDARD_FIT,
 ) -> WireFit:
-    """Fit heat balance and hysteresis to a recorded excitation.
+    """Fit heat balance and hysteresis model to a recorded excitation, and return both fits.
 
-    The search begins at the nominal heat balance `start`. Raises the errors of `identify_thermal`, and those of
-    `identify_hysteresis`.
+    The search for the heat balance begins at the nominal heat balance `start`. Raises the errors of `identify_thermal`
+    and of `identify_hysteresis`.
     """
     thermal = identify_thermal(record, start)
     fit = identify_hysteresis(thermal.wire_temperature_c, record.displacement_mm, settings)

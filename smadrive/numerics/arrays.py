@@ -11,7 +11,7 @@ FloatArray = NDArray[np.float64]
 
 
 def float_array(name: str, values: ArrayLike) -> FloatArray:
-    """Return `values` as a float64 array of any shape. DataError when they are not numbers."""
+    """Return `values` as a float64 array of any shape. DataError when they are not numbers; the error names `name`."""
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -36,7 +36,7 @@ def finite_array(name: str, values: ArrayLike) -> FloatArray:
 
 
 def paired_vectors(v: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return input and output samples as two finite vectors of equal length. Raises DataError for other samples."""
+    """Return inputs `v` and outputs `y` as two finite vectors of equal length. Raises DataError for other samples."""
     inputs, outputs = finite_array("input v", v), finite_array("output y", y)
     if inputs.ndim != 1 or outputs.ndim != 1:
         shapes, cure = (inputs.shape, outputs.shape), "pass 1-D arrays of one wire"

@@ -1,8 +1,9 @@
 """Matrices whose rows are weighted sums of a few rows of a smaller matrix, as in table interpolation.
 
-Row i is Σ_j shares[i, j] rows[places[i, j]]. A Jacobian along a record has one row per sample, but only as many
-independent rows as its tables have nodes. In this form, scaling and the chain rule only change the small matrix. The
-large matrix is computed block by block, so that each block is still in the cache of the processor when it is used.
+Row i of the large matrix is Σ_j shares[i, j] rows[places[i, j]], where `rows` is the small matrix. A Jacobian along a
+record has one row per sample, but its tables have far fewer nodes; the small matrix has one row per node. In this form,
+scaling and the chain rule change only the small matrix. The large matrix is computed block by block, so that each block
+is still in the cache of the processor when it is used.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ _BLOCK = 1024  # rows
 
 
 class InterpolationMatrix(NamedTuple):
-    """A matrix of shape (samples, columns), stored as weighted sums of the rows of a smaller matrix.
+    """A large matrix of shape (samples, columns), stored as weighted sums of the rows of a smaller matrix.
 
-    `places` and `shares` have the shape (samples, rows per sum), `rows` has the shape (nodes, columns).
+    `rows` (nodes, columns) is the smaller matrix. `places` and `shares` (samples, terms) are the indices and the
+    weights of the rows that each sample adds up.
     """
 
     places: NDArray[np.int32]

@@ -2,10 +2,10 @@
 
     minimise |r(x)|²/2, low ≤ x ≤ high:    (H + λ diag H) s = -g on the free variables,  H = JᵀJ,  g = Jᵀr
 
-J is the Jacobian ∂r/∂x, s the step of x, λ the damping. A variable is free unless it is at a bound and the gradient
-points outward. Each iteration factors one matrix, whose size is at most the number of variables. scipy's bounded
-solvers decompose the whole Jacobian instead. With threaded linear algebra on a busy machine, this takes a hundred times
-as long.
+r are the residuals, x the variables with the bounds low and high. J is the Jacobian ∂r/∂x, s the step of x, λ the
+damping. A variable is free unless it is at a bound and a step downhill would cross this bound. Each iteration factors
+one matrix, whose size is at most the number of variables. scipy's bounded solvers decompose the whole Jacobian instead.
+With threaded linear algebra on a busy machine, this takes a hundred times as long.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SMALLEST_DAMPING, _LARGEST_DAMPING = 1e-12, 1e8
 
 
 class Minimum(NamedTuple):
-    """The solution `x`, and its cost: half the sum of the squared residuals."""
+    """The values `x` of the variables at the minimum, and the cost there: half the sum of the squared residuals."""
 
     x: FloatArray
     cost: float
@@ -39,10 +39,12 @@ def minimise(
     iterations: int,
     tolerance: float,
 ) -> Minimum:
-    """Return the minimum found from `start`, a vector of shape (variables,), within `bounds` = (low, high).
+    """Return the minimum of half the sum of the squared residuals, found from `start` within `bounds`.
 
-    `jacobian` returns ∂r/∂x in blocks of rows. The search ends when a step lowers the cost by less than the share
-    `tolerance`, when no step lowers the cost, or after `iterations` steps.
+    `start` and the two `bounds`, low and high, have the shape (variables,). `residuals` returns the residuals of given
+    variables, (rows,). `jacobian` yields their derivatives in blocks of shape (some rows, variables). The search ends
+    when a step lowers the cost by less than the share `tolerance`, when no step lowers the cost, or after `iterations`
+    steps.
     """
     low, high = bounds
     x = np.clip(start, low, high)
@@ -69,9 +71,9 @@ def minimise(
 
 
 def forward_differences(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """Return the Jacobian of `function` at x by forward differences.
+    """Return the Jacobian of `function` at x by forward differences, shape (values, variables).
 
-    The step of 1e-6 suits variables of order one.
+    The step of each variable is 1e-6, which suits variables of order one.
     """
     base = function(x)
     return np.column_stack([(function(moved) - base) / _DIFFERENCE for moved in x + _DIFFERENCE * np.eye(len(x))])

@@ -11,9 +11,10 @@ from collections.abc import Iterable
 
 
 class PiecewiseLinear:
-    """A piecewise linear function through corners, each of a `place` (the argument) and a value.
+    """A piecewise linear function of one variable, given by its corners.
 
-    `places` must increase. Before the first corner and after the last one the function is constant.
+    `places` are the arguments of the corners, ascending. Below the first corner and above the last corner the function
+    is constant.
     """
 
     def __init__(self, places: Iterable[float], values: Iterable[float]) -> None:
@@ -21,7 +22,7 @@ class PiecewiseLinear:
         self._values = list(map(float, values))
 
     def at(self, place: float) -> float:
-        """Return the value of the function at `place`."""
+        """Return the value of the function at the argument `place`."""
         places, values = self._places, self._values
         if not places[0] < place < places[-1]:
             return values[0] if place <= places[0] else values[-1]

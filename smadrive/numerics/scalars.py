@@ -10,14 +10,18 @@ from smadrive.errors import ConfigError, SmadriveError
 
 
 def real_number(value: object, where: str, error: type[SmadriveError] = ConfigError) -> float:
-    """Return `value` as a float; it may be NaN or infinite. Raises `error` for another type, and beyond all floats."""
+    """Return `value` as a float, which may be NaN or infinite.
+
+    `error` is the class of the error that is raised for a value of another type, and for a number that is too large for
+    a float. `where` names the value in this error.
+    """
     if not _is_real(value):
         cure = "pass a number, without quotes" if isinstance(value, str) else "pass a number"
         raise error("of the wrong type", where=where, value=type(value).__qualname__, cure=cure)
     try:
         return float(value)  # type: ignore[arg-type]
     except OverflowError:
-        raise error("beyond all floating-point numbers", where=where, cure="pass a smaller number") from None
+        raise error("too large for a floating-point number", where=where, cure="pass a smaller number") from None
 
 
 def whole_number(
@@ -25,7 +29,7 @@ def whole_number(
 ) -> int:
     """Return `value` as an int. Raises `error` if it is not a whole number from `least` to `most`.
 
-    `what` completes the message "not a number of ...".
+    `where` names the value in the error, and `what` completes its message "not a number of ...".
     """
     number = None if isinstance(value, bool) or not isinstance(value, Integral) else int(value)
     if number is None or number < least or (most is not None and number > most):

@@ -2,13 +2,14 @@
 
     command = clamp(feedforward + Kp e + I),    dI/dt = Ki e while the command is inside its limits
 
-e is the error of the temperature, limited to ± `INTEGRATED_C` in the integral. I is the integral, which compensates a
-small model error. The limits of the command are zero power and the largest power. At a limit the integral stays
-constant (conditional integration). Back-calculation is not used: at every turning point the feedforward requests a
-negative power, and back-calculation would then change the integral by a large amount.
+Command, feedforward and the integral I are powers in W. e is the error of the temperature in K; in the integral, e is
+limited to ± `INTEGRATED_C`. I compensates a small model error. The limits of the command are zero power and the largest
+power. At a limit the integral stays constant (conditional integration). Back-calculation is not used: at every turning
+point the feedforward requests a negative power, and back-calculation would then change the integral by a large amount.
 
-The gains follow from the heat balance by pole placement. m c is the heat capacity of the wire. With Kp = m c / Tc the
-error decays with the chosen time constant Tc. With Ki = Kp / Ti the effect of a model error decays within about Ti.
+The gains follow from the heat balance by pole placement. With the heat capacity m c of the wire (J/K) and
+Kp = m c / Tc, the error decays with the chosen time constant Tc. With Ki = Kp / Ti the effect of a model error decays
+within about Ti.
 
 Bumpless transfer: a feedback that replaces another feedback adds the difference of the two commands, which then decays.
 """
@@ -29,23 +30,27 @@ INTEGRATED_C = 1.0
 
 @dataclass(frozen=True, slots=True)
 class PIGains:
-    """Kp in W/K and Ki in W/(K s)."""
+    """Gains of the temperature feedback: proportional gain in W/K, integral gain in W/(K s)."""
 
     proportional_w_per_k: float
     integral_w_per_k_s: float
 
     @classmethod
     def for_balance(cls, balance: HeatBalance, closed_loop_s: float, integral_s: float) -> PIGains:
-        """Return the gains for `closed_loop_s`, the closed-loop time constant, and `integral_s`, the integral time."""
+        """Return the gains for a wire with the heat balance `balance`.
+
+        `closed_loop_s` is the time constant of the closed loop. `integral_s` is the integral time, in which the effect
+        of a model error decays.
+        """
         proportional = balance.heat_capacity_j_per_k / closed_loop_s
         return cls(proportional, proportional / integral_s)
 
 
 @dataclass(slots=True)
 class TemperatureFeedback:
-    """PI feedback with anti-windup and bumpless transfer, as described at the head of this file.
+    """PI feedback on temperature, with anti-windup, and with bumpless transfer from another feedback.
 
-    `integral_w` is the integral and `command_w` the last command.
+    `integral_w` is the integral term, and `command_w` is the last command, both in W.
     """
 
     gains: PIGains
@@ -55,18 +60,17 @@ class TemperatureFeedback:
     _takes_over: bool = field(default=False, init=False)
 
     def take_over(self, before: TemperatureFeedback) -> None:
-        """Continue from the feedback `before`.
+        """Continue from the feedback `before`: its integral is kept, and its last command is the first command.
 
-        The first command equals the last command of `before`, if the power that this feedback requests lies between 0
-        and `limit_w`.
+        The first command differs if the power that this feedback requests is below 0 or above the limit.
         """
         self.integral_w, self.command_w = before.integral_w, before.command_w
         self._takes_over = True
 
     def update(self, error_c: float, feedforward_w: float, limit_w: float, dt_s: float) -> float:
-        """Return the power to command, from 0 to `limit_w`.
+        """Return the power to command for the next `dt_s`, W, from 0 to `limit_w`.
 
-        `error_c` is setpoint - process value of the temperature, `feedforward_w` the power of the feedforward.
+        `error_c` is setpoint - process value of the temperature, K. `feedforward_w` is the power of the feedforward.
         """
         requested_w = feedforward_w + self.gains.proportional_w_per_k * error_c + self.integral_w
         if self._takes_over:

@@ -24,9 +24,10 @@ WHERE = "step"
 
 @dataclass(frozen=True)
 class ManualStep:
-    """Hold either `current_a` or `temperature_c` for `duration_s`.
+    """Hold either the current `current_a` or the temperature `temperature_c` for `duration_s`.
 
-    ConfigError when both or none of the two are given, and when the duration is not above 0 s or exceeds `LONGEST_S`.
+    ConfigError when both or none of the two are given, when the duration is not above 0 s, and when it exceeds
+    `LONGEST_S`.
     """
 
     current_a: float | None
@@ -59,7 +60,7 @@ class ConstantCurrentController:
         self._command = Command(current_a)
 
     def update(self, _time_s: float, _measurement: Measurement, _dt_s: float) -> Command:
-        """Return the command for the coming period."""
+        """Return the command for the coming period: always the same current."""
         return self._command
 
 
@@ -79,7 +80,10 @@ class ConstantTemperatureController:
         self._reading_c = nan
 
     def update(self, _time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command for the coming period of `dt_s`. An invalid reading is replaced by the last valid one."""
+        """Return the command for the coming period of `dt_s` seconds.
+
+        An invalid reading of the thermocouple is replaced by the last valid reading.
+        """
         if isfinite(measurement.temperature_c):
             self._reading_c = measurement.temperature_c
         feedforward_w = self._balance.power_w(self._setpoint_c, 0.0, 0.0)

@@ -29,7 +29,7 @@ For an unknown wire a failing thermocouple is detected later. This limit makes t
 
 
 class Command(NamedTuple):
-    """The commanded heater current and its setpoints, estimates and power (NaN where a controller has no value)."""
+    """The commanded heater current, with setpoints, estimates and power. A value that the controller lacks is NaN."""
 
     commanded_a: float
     setpoint_c: float = nan
@@ -40,22 +40,22 @@ class Command(NamedTuple):
 
 
 class Controller(Protocol):
-    """Computes one command from each measurement. `time_s` counts from the start of the loop."""
+    """Computes one command from each measurement."""
 
     @property
     def duration_s(self) -> float:
-        """Duration of the run from the start of the loop, s, by the present estimate."""
+        """Duration of the run in s, from the start of the loop. The value grows while a path waits."""
         ...
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command for the coming period of `dt_s`."""
+        """Return the command for the coming period of `dt_s` seconds. `time_s` counts from the start of the loop."""
         ...
 
 
 def power_envelope_w(balance: HeatBalance, setpoint_c: float, rate_c_per_s: float) -> float:
-    """Return the largest power in W that may heat a wire that is not identified yet, near `setpoint_c`.
+    """Return the largest power, W, that a controller may command to a wire that is not identified yet.
 
-    The setpoint of its temperature moves at `rate_c_per_s`.
+    `setpoint_c` is the present temperature setpoint of the wire, which moves at `rate_c_per_s`.
     """
     transforming = balance.latent_heat_j / TRANSFORMATION_C * rate_c_per_s
     return ENVELOPE * (balance.power_w(setpoint_c + LAGS_C, rate_c_per_s, 0.0) + transforming)
@@ -87,11 +87,11 @@ class TemperatureController:
 
     @property
     def duration_s(self) -> float:
-        """Duration of the path and of the waits up to now, s."""
+        """Duration of the path, plus the time that the path has waited so far, s."""
         return self._path_s + self._waited_s
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command for the coming period; at its end the wire shall have the temperature of the path."""
+        """Return the command that takes the wire to the temperature of the path at the end of the coming period."""
         reading_c = self._reading_c(measurement)
         self._wait(time_s, reading_c, dt_s)
         on_path_s = time_s - self._waited_s

@@ -1,12 +1,13 @@
 """The controller that makes a wire follow a displacement reference.
 
-    measurement → observer → (one period on) → inverse feedforward with preview → temperature feedback → power → current
+    measurement → observer → advance by one period → inverse feedforward with preview → temperature feedback
+                → power → current
 
-A command acts one period after its measurement. So the observer advances the estimate by one period, with the power
-that is in force during this period, and the controller computes the command from the advanced estimate.
+A command acts one period after its measurement. So the observer advances its estimate by one period, with the power
+that is in force during this period. The controller computes the command from the advanced estimate.
 
-The state of a controller is an immutable tuple, so another controller can take it over. A controller for another
-reference, model or setting then continues without a jump of the command.
+The state of a controller is an immutable tuple, so another controller can take over this state. A controller with
+another reference, model or setting then continues without a jump of the command.
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ DISPLACEMENT_NOISE = 0.001
 
 @dataclass(frozen=True, slots=True)
 class TrackingSettings:
-    """Settings of a controller besides reference and wire; its gains follow from the wire's heat balance.
+    """Settings of a TrackingController. Its gains follow from the heat balance of the wire.
 
-    period_s            period of the loop
-    current_limit_a     largest current
-    closed_loop_s       time constant of the temperature loop
-    integral_s          time constant in which the effect of a model error decays
-    noise_c             standard deviation of the noise of the thermocouple
+    period_s            period of the loop, s
+    current_limit_a     largest current, A
+    closed_loop_s       time constant of the temperature loop, s
+    integral_s          time constant in which the effect of a model error decays, s
+    noise_c             standard deviation of the noise of the thermocouple, K
     feedforward_share   share of the feedforward's power that is used; less than 1 leaves more to the feedback
     """
 
@@ -52,9 +53,10 @@ class TrackingSettings:
 class TrackingState(NamedTuple):
     """State of a TrackingController, without the state of its feedback.
 
-    `power_w` is the power in force. `direction` is +1 while the phase rises, -1 while it falls; the phase is the
-    displacement as a share of the travel, 0 for the cold wire. `reversal` is the reversal that the wire is making now,
-    or None while the wire follows the reference.
+    `estimate` is the estimated state of the wire, `power_w` the power in force, `trim_mm` the displacement trim.
+    `direction` is +1 while the phase rises, -1 while the phase falls; the phase is the displacement as a share of the
+    travel, 0 for the cold wire. `reversal` is the reversal that the wire is making now, or None while the wire follows
+    the reference.
     """
 
     estimate: WireEstimate
@@ -79,7 +81,11 @@ class _Period(NamedTuple):
 
 
 class TrackingController:
-    """Follows one reference with one wire, as described at the head of this file; cheap to construct."""
+    """Makes one wire follow one displacement reference.
+
+    A change of the reference, the wire or the settings needs a new controller, which takes over the state of the old
+    controller.
+    """
 
     def __init__(
         self,
@@ -105,13 +111,14 @@ class TrackingController:
 
     @property
     def state(self) -> TrackingState | None:
-        """The state after the last update; None before the first one."""
+        """The state after the last update; None before the first update."""
         return self._state
 
     def take_over(self, before: TrackingController) -> None:
-        """Continue from the state of `before`, converted to this controller's model, without a jump of the command.
+        """Continue from the state of the controller `before`, without a jump of the command.
 
-        A reversal that `before` has begun continues only if both controllers have the same reference.
+        The state is converted to the model of this controller. A reversal that `before` has begun continues only if
+        both controllers have the same reference.
         """
         if before.state is not None:
             reversal = before.state.reversal if before._reference is self._reference else None
@@ -120,7 +127,7 @@ class TrackingController:
             self._feedback.take_over(before._feedback)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command for the coming period of `dt_s`, which begins `dt_s` after the measurement."""
+        """Return the command for the period of `dt_s` seconds that begins `dt_s` after the measurement."""
         before = self._state or self._started(measurement)
         estimate = self._observed(measurement, dt_s)
         period = self._coming_period(self._observer.predict(estimate, before.power_w, dt_s), time_s + dt_s, dt_s)

@@ -1,8 +1,8 @@
 """The outer loop of a rig that measures displacement: an integral term against errors of the models.
 
-The inverse starts from the measured displacement, so an error decays with the time constant Tc of the temperature
-loop. One error remains: if the wire moves more (or less) per kelvin than its model, it leads (or lags) the setpoint by
-Tc times the difference of the two rates. The trim is added to the setpoint before the inverse:
+The inverse starts from the measured displacement, so an error decays with the time constant Tc of the temperature loop.
+One error remains: a wire that moves more (or less) per kelvin than its model leads (or lags) the setpoint. This error
+is Tc times the difference between the rates of wire and setpoint. The trim is added to the setpoint before the inverse:
 
     d(trim)/dt = (setpoint - displacement) / Ti        Ti = 4 Tc, the usual separation of the loops of a cascade
 
@@ -22,14 +22,15 @@ FOLLOWS_C = 0.3
 
 
 class DisplacementTrim:
-    """The integral term that is described at the head of this file."""
+    """The integral term of the displacement error: a trim in mm, which is added to the displacement setpoint."""
 
     def __init__(self, closed_loop_s: float) -> None:
         self._integral_s = SLOWER * closed_loop_s
 
     def update(self, trim_mm: float, error_mm: float, error_c: float, dt_s: float) -> float:
-        """Return the trim after `dt_s`, in mm.
+        """Return the new trim, mm, `dt_s` seconds after the trim was `trim_mm`.
 
-        `error_mm` and `error_c` are setpoint - process value of displacement and temperature.
+        `error_mm` and `error_c` are setpoint - process value of displacement and temperature. The trim stays constant
+        while `error_c` exceeds `FOLLOWS_C` in absolute value.
         """
         return trim_mm + error_mm * dt_s / self._integral_s if abs(error_c) <= FOLLOWS_C else trim_mm

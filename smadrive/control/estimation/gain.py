@@ -1,16 +1,16 @@
 """Kalman gains of the observer, from the heat balance and the slope of the hysteresis model.
 
-The model is linearised at a slope s = dξ/dT of the phase. Over one period Δt the state changes to
+The model is linearised at a slope s = dξ/dT of the phase. Over one period Δt the state changes to T', T_tc', d', ξ':
 
     T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        d' = d        ξ' = ξ + s (T' - T)
 
     κ = exp(-Δt h A/(m c + Q s))     λ = exp(-Δt/lag)
 
-T is the temperature of the wire, T_tc of the thermocouple, d the power that the heat balance does not explain, ξ
-the phase. m c, Q, h A and lag are parameters of the heat balance: heat capacity, latent heat, heat loss, thermocouple
-lag. T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete
-Riccati equation. There is one gain for the thermocouple alone. For thermocouple and displacement together there is one
-gain for each of several slopes.
+T is the temperature of the wire, T_tc of the thermocouple, d the power that the heat balance does not explain, ξ the
+phase. m c, Q, h A and lag are parameters of the heat balance: heat capacity, latent heat, heat loss, thermocouple lag.
+T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete Riccati
+equation. There is one gain for the thermocouple alone. For thermocouple and displacement together there is one gain for
+each of several slopes.
 """
 
 from __future__ import annotations
@@ -45,7 +45,11 @@ POINTS = 2000
 
 
 class Correction(NamedTuple):
-    """The corrections that are added to wire temperature, thermocouple temperature, unexplained power and phase."""
+    """What the observer adds to its estimate after a measurement.
+
+    The fields belong to the temperature of the wire in K, the temperature of the thermocouple in K, the unexplained
+    power in W, and the phase as a share of the travel.
+    """
 
     temperature_c: float
     thermocouple_c: float
@@ -54,10 +58,11 @@ class Correction(NamedTuple):
 
 
 class GainSchedule:
-    """The gains, as plain floats, scheduled by the present slope dξ/dT of the model.
+    """The Kalman gains of the observer for one wire, tabulated over the slope of the hysteresis model.
 
-    The arguments `read_c` and `seen` are innovations (measured - expected): `read_c` of the thermocouple in K, `seen`
-    of the phase, which follows from the displacement.
+    `slope` is the derivative of the phase with respect to the wire temperature, 1/K. The phase is the displacement as a
+    share of the travel. `read_c` and `seen` are measured - expected value: `read_c` of the thermocouple in K, `seen` of
+    the phase.
     """
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise_mm: float) -> None:
@@ -69,14 +74,19 @@ class GainSchedule:
         self._reading = _reading_gain(balance, period_s, noise_c).tolist()
 
     def by_reading(self, slope: float, read_c: float) -> Correction:
-        """Return the correction by the thermocouple alone; the phase changes with the temperature, along `slope`."""
+        """Return the correction when only the thermocouple is measured.
+
+        `read_c` is its measured - expected temperature, K. The correction of the phase is `slope`, 1/K, times the
+        correction of the wire temperature.
+        """
         wire, thermocouple, disturbance = self._reading
         return Correction(wire * read_c, thermocouple * read_c, disturbance * read_c, slope * wire * read_c)
 
     def by_both(self, slope: float, read_c: float, seen: float) -> Correction:
-        """Return the correction by thermocouple and displacement.
+        """Return the correction when thermocouple and displacement are measured.
 
-        The gains are interpolated between the gains of the two nearest slopes.
+        `read_c` is measured - expected temperature of the thermocouple, K. `seen` is measured - expected phase. The
+        gains are interpolated between the two tabulated slopes next to `slope`, 1/K.
         """
         place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
         cell = min(int(place), SLOPES - 2)

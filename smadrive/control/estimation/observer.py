@@ -4,7 +4,7 @@ State x = (T, T_tc, d, ξ): wire temperature, thermocouple temperature, a slowly
 does not explain (draught, wrong h A), and the phase. The measured displacement gives the phase. The prediction uses the
 heat balance with the latent heat of the transformation, and the hysteresis model. The correction uses a Kalman gain.
 
-The hysteresis model is linear only locally. Its rules, at their present firing strengths, give the slope of the phase
+The hysteresis model is linear only locally. Its rules i, at their firing strengths μ_i, give the slope of the phase
 over the temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i), with w the state of the hysteresis model. Along the loop only this
 slope varies, so the gain is solved for several slopes and interpolated (see gain.py). Without a measured displacement,
 the correction of ξ is the correction of T times dξ/dT. Only the predicted temperature steps the hysteresis model, and
@@ -34,8 +34,9 @@ It is less than 1, because a predicted temperature has less noise than a reading
 class WireEstimate(NamedTuple):
     """The estimated state of the wire.
 
-    `disturbance_w` is the power that the heat balance does not explain. `play` is the state of the dead band between
-    the temperature and the hysteresis model.
+    `temperature_c` is the temperature of the wire, `thermocouple_c` that of the thermocouple. `hysteresis` is the state
+    of the hysteresis model. `disturbance_w` is the power that the heat balance does not explain. `play` is the state of
+    the dead band between the temperature and the hysteresis model.
     """
 
     temperature_c: float
@@ -46,10 +47,10 @@ class WireEstimate(NamedTuple):
 
 
 class WireObserver:
-    """The observer that is described at the head of this file.
+    """Estimates wire temperature, thermocouple temperature, unexplained power and hysteresis state (Kalman filter).
 
-    `noise_c` and `noise_mm` are the standard deviations of the noise of thermocouple and displacement. `period_s` is
-    the nominal update period for which the gains are solved.
+    `noise_c` and `noise_mm` are the standard deviations of the noise of thermocouple (K) and displacement (mm). The
+    gains are solved for updates every `period_s`.
     """
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise_mm: float) -> None:
@@ -60,20 +61,24 @@ class WireObserver:
         self._radius_c = DEAD_BAND_NOISES * noise_c
 
     def start(self, reading_c: float, displacement_mm: float) -> WireEstimate:
-        """Return the estimate for a wire at rest; without a displacement (NaN) it starts on the heating branch."""
+        """Return the first estimate, for a wire at rest.
+
+        Without a measured displacement (NaN), the hysteresis state lies on the heating branch.
+        """
         measured_mm = displacement_mm if isfinite(displacement_mm) else None
         hysteresis = self._model.initial_state(reading_c, measured_mm)
         return WireEstimate(reading_c, reading_c, hysteresis, 0.0, Play(reading_c))
 
     def adopt(self, estimate: WireEstimate) -> WireEstimate:
-        """Convert the estimate of another observer to the model of this observer.
+        """Return the estimate of another observer, converted to the model of this observer.
 
-        The temperatures stay. The displacement becomes the nearest displacement that this model can have.
+        The temperatures stay. The displacement becomes the nearest displacement that the model of this observer can
+        have.
         """
         return estimate._replace(hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
 
     def predict(self, before: WireEstimate, power_w: float, dt_s: float) -> WireEstimate:
-        """Return the estimate `dt_s` after `before`, with `power_w` applied and without a measurement."""
+        """Return the estimate `dt_s` seconds after `before`, for a wire heated with `power_w`, by the model alone."""
         total_w = power_w + before.disturbance_w
         wire_c = self._wire.temperature_c(WireState(before.temperature_c, before.hysteresis), total_w, dt_s)
         read_c = self._balance.step_thermocouple(before.thermocouple_c, before.temperature_c, wire_c, dt_s)
@@ -84,7 +89,11 @@ class WireObserver:
     def update(
         self, before: WireEstimate, reading_c: float, displacement_mm: float, power_w: float, dt_s: float
     ) -> WireEstimate:
-        """Return the estimate `dt_s` after `before`, with `power_w` applied since. NaN marks a missing measurement."""
+        """Return the estimate `dt_s` seconds after `before`, corrected by the measurements at this time.
+
+        The wire was heated with `power_w` since `before`. `reading_c` is the reading of the thermocouple. NaN marks a
+        missing measurement.
+        """
         expected = self.predict(before, power_w, dt_s)
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
         read_c = reading_c - expected.thermocouple_c if isfinite(reading_c) else 0.0

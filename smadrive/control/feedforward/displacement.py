@@ -2,9 +2,9 @@
 
 The inverse starts from the estimated displacement, not from the setpoint. The wire keeps the direction of the
 reference. If the estimate is a little ahead of the reference, the wire waits and does not reverse, because after a
-reversal a hysteretic wire moves only after many kelvin. The wire reverses only for a large lead: the lead must exceed
-`REVERSAL_TOLERANCE` even after the reference has moved on for `REVERSAL_S`. For a smaller lead, two reversals would
-take longer than the wait.
+reversal the temperature of a hysteretic wire must change by many kelvin before the wire moves. The wire reverses only
+for a large lead: the lead must exceed `REVERSAL_TOLERANCE` even after the reference has moved on for `REVERSAL_S`. For
+a smaller lead, two reversals would take longer than the wait.
 """
 
 from __future__ import annotations
@@ -47,10 +47,10 @@ MAP_LEVELS = 50
 
 
 class TemperatureTarget(NamedTuple):
-    """The temperature for a displacement setpoint.
+    """The temperature that a displacement setpoint needs, °C.
 
-    `k_per_mm` is the derivative of the temperature with respect to the setpoint, 0 if the temperature does not follow
-    the setpoint.
+    `k_per_mm` is the derivative of this temperature with respect to the setpoint, in K/mm. It is 0 if the temperature
+    does not follow the setpoint.
     """
 
     temperature_c: float
@@ -58,9 +58,9 @@ class TemperatureTarget(NamedTuple):
 
 
 class DisplacementInverse(Protocol):
-    """Computes the temperature for a displacement setpoint.
+    """The interface of an inverse: it computes the temperature that a displacement setpoint needs.
 
-    `hysteretic` is True if the temperature for a displacement differs between heating and cooling.
+    `hysteretic` is True if this temperature differs between heating and cooling.
     """
 
     hysteretic: bool
@@ -77,7 +77,10 @@ class DisplacementInverse(Protocol):
 
 
 class HysteresisInverse:
-    """The exact inverse of a hysteresis model. The rule at the head of this file decides when the wire reverses."""
+    """The exact inverse of a hysteresis model.
+
+    A wire that is a little ahead of the reference waits. With a larger lead, the inverse lets the wire reverse.
+    """
 
     hysteretic = True
 
@@ -90,9 +93,11 @@ class HysteresisInverse:
     def target(
         self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0
     ) -> TemperatureTarget:
-        """Return the temperature as DisplacementInverse describes.
+        """Return the temperature that takes the wire from `state` to `setpoint_mm`, or at which the wire waits.
 
-        An unreachable setpoint gives the end of the model's range, with a derivative of 0.
+        `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the cold end.
+        `rate_mm_per_s` is the rate of the setpoint. An unreachable setpoint gives the end of the model's temperature
+        range, and the derivative 0.
         """
         soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
@@ -147,7 +152,11 @@ class StaticMap:
         direction: int,  # noqa: ARG002
         rate_mm_per_s: float = 0.0,  # noqa: ARG002
     ) -> TemperatureTarget:
-        """Return the temperature of the map, which does not depend on the history of the wire."""
+        """Return the temperature of the map at `setpoint_mm`; the history of the wire has no effect.
+
+        Outside the displacements of the map, the result is the temperature at the end of the map, with the derivative
+        0.
+        """
         at = int(np.searchsorted(self._displacement_mm, setpoint_mm))
         if not 0 < at < MAP_LEVELS:
             return TemperatureTarget(float(self._temperature_c[min(at, MAP_LEVELS - 1)]), 0.0)
@@ -164,7 +173,7 @@ class Feedforward(NamedTuple):
 
 
 class DisplacementFeedforward:
-    """Turns a displacement setpoint and its rate into a temperature setpoint and a power (inverse heat balance)."""
+    """Computes temperature setpoint and power for a displacement setpoint and its rate (inverse heat balance)."""
 
     def __init__(self, inverse: DisplacementInverse, wire: WireModel) -> None:
         self._inverse = inverse
@@ -174,7 +183,8 @@ class DisplacementFeedforward:
     def update(self, estimate: WireEstimate, setpoint_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
         """Return temperature setpoint and power for the displacement `setpoint_mm`, which moves at `rate_mm_per_s`.
 
-        `direction` is +1 towards the hot end of the travel, -1 towards the cold end.
+        `estimate` is the estimated state of the wire. `direction` is the direction of the reference: +1 towards the hot
+        end of the travel, -1 towards the cold end.
         """
         target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s)
         rate_c_per_s = target.k_per_mm * rate_mm_per_s

@@ -37,9 +37,9 @@ BEYOND = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Reversal:
-    """A reversal that has begun. The wire meets the reference at the time `meets_s`.
+    """A reversal that the wire has begun. At the time `meets_s` the wire meets the reference again.
 
-    `meets_mm` and `meets_c` are displacement and temperature of the meeting point. `direction` is the direction after
+    `meets_mm` and `meets_c` are displacement and temperature of this meeting point. `direction` is the direction after
     the reversal: +1 towards the hot end of the travel, -1 towards the cold end.
     """
 
@@ -86,7 +86,11 @@ class ReversalPreview:
     def update(
         self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float
     ) -> Reversal | None:
-        """Return the reversal that must begin now, at `time_s`, or None if the wire must continue in `direction`."""
+        """Return the reversal that must begin now, at `time_s`, or None if the wire must continue in `direction`.
+
+        `estimate` is the estimated state of the wire. `direction` is +1 towards the hot end of the travel, -1 towards
+        the cold end. `limit_w` is the largest power.
+        """
         upward = direction / self._wire.travel_mm > 0
         reverses_s = reference.next_reversal_s(time_s, 1 if upward else -1)
         if reverses_s > time_s + 0.5 * self._horizon_s:

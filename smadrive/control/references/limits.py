@@ -24,7 +24,10 @@ LONGEST_REPEATED_S = 604_800.0
 
 
 def check_displacement(name: str, value_mm: float) -> None:
-    """Raise DataError when the displacement exceeds `FARTHEST_MM` in absolute value, or is NaN."""
+    """Raise DataError when `value_mm` is NaN, or when its absolute value exceeds `FARTHEST_MM`.
+
+    `name` is the name of the displacement in the error.
+    """
     if not abs(value_mm) <= FARTHEST_MM:
         raise DataError(
             "farther than any wire moves",
@@ -36,10 +39,10 @@ def check_displacement(name: str, value_mm: float) -> None:
 
 
 def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONGEST_S) -> None:
-    """Raise DataError for a reference shorter than `SHORTEST_S`, longer than `longest_s`, or of too many `pieces`.
+    """Raise DataError for a reference that is too short or too long, or that has too many samples.
 
-    `pieces` is the number of its straight lines. Call this function before the table is made, which may be too large
-    for the memory.
+    The shortest duration is `SHORTEST_S`, the longest is `longest_s`. `pieces` is the number of straight lines of the
+    reference. Call this function before the table is made, because a table that is too large may exhaust the memory.
     """
     value = f"{duration_s:g} s"
     if duration_s < SHORTEST_S:

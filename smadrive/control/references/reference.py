@@ -40,10 +40,11 @@ TRAVEL_SLACK = 0.005
 
 @dataclass(frozen=True, repr=False)
 class Reference:
-    """Displacement setpoint over time. At `scored_from_s` the approach ends and the metrics begin.
+    """Displacement setpoint over time, as a table with straight lines between its samples.
 
-    At the end of its table, an `endless` reference continues at `scored_from_s`. With `repeats` above 1 the reference
-    continues there, too, until it has made this number of cycles.
+    At `scored_from_s` the approach ends and the metrics begin. At the end of its table, an `endless` reference
+    continues at `scored_from_s`. With `repeats` above 1 the reference does the same until it has made this number of
+    cycles.
     """
 
     times_s: Array
@@ -61,8 +62,9 @@ class Reference:
     def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
         """Return the reference through the samples, with straight lines between them.
 
-        DataError for a value that is not a finite number or beyond `FARTHEST_MM`, for columns of different lengths, for
-        a time that does not increase, and for a reference shorter than `SHORTEST_S` or longer than `LONGEST_S`.
+        DataError for a value that is not a finite number, for a displacement beyond ± `FARTHEST_MM`, for columns of
+        different lengths, for a time that does not increase, and for a reference shorter than `SHORTEST_S` or longer
+        than `LONGEST_S`.
         """
         times = float_array(f"{WHERE}: time_s", times_s)
         values = float_array(f"{WHERE}: displacement_mm", displacement_mm)
@@ -104,12 +106,12 @@ class Reference:
 
     @cached_property
     def duration_s(self) -> float:
-        """Length of the reference, approach included, s; infinite for an endless reference."""
+        """Duration of the reference in s, including the approach and all cycles; infinite for an endless reference."""
         return inf if self.endless else float(self.times_s[-1]) + (self.repeats - 1) * self.cycle_s
 
     @cached_property
     def cycle_s(self) -> float:
-        """Length of the table without the approach, s."""
+        """Duration of the table without the approach, s."""
         return float(self.times_s[-1]) - self.scored_from_s
 
     def cycle(self, time_s: float) -> int:
@@ -118,7 +120,10 @@ class Reference:
         return number if self.endless else min(number, self.repeats - 1)
 
     def value_mm(self, time_s: float) -> float:
-        """Return the setpoint at `time_s`, mm. Before the table the first value holds, after it the last value."""
+        """Return the setpoint at `time_s`, mm.
+
+        Before its table, a reference keeps its first value. After its table or its last cycle, it keeps its last value.
+        """
         return self._table.at(time_s - self._begun_s(time_s))
 
     @cached_property
@@ -139,7 +144,10 @@ class Reference:
         return times[changes].tolist(), moves[changes].tolist()
 
     def next_reversal_s(self, time_s: float, direction: int) -> float:
-        """Return the time in s at which a movement in `direction` (+1 or -1) first reverses after `time_s`, or inf."""
+        """Return the time of the next reversal that ends a movement in `direction` (+1 or -1), s.
+
+        The reversal is later than `time_s`. The result is infinite if no such reversal follows.
+        """
         times_s, directions = self._reversals
         begun_s = self._begun_s(time_s)
         for number in range(bisect_right(times_s, time_s - begun_s), len(times_s)):
@@ -153,9 +161,10 @@ class Reference:
         return self.cycle(time_s) * self.cycle_s if self.endless or self.repeats > 1 else 0.0
 
     def check_within(self, ends_mm: tuple[float, float]) -> None:
-        """Raise ConfigError when the reference leaves the travel of the wire, the range between the two `ends_mm`.
+        """Raise ConfigError when the reference leaves the travel of the wire.
 
-        The approach may leave the travel: it begins at the present displacement, which the model may not reach.
+        `ends_mm` are the displacements at the two ends of the travel. The approach may leave the travel: it begins at
+        the present displacement, which the model may not reach.
         """
         low, high = min(ends_mm), max(ends_mm)
         slack = TRAVEL_SLACK * (high - low)
@@ -201,7 +210,10 @@ class Reference:
         return cycles
 
     def with_approach(self, from_mm: float, approach_s: float) -> Reference:
-        """Return the same reference after a minimum-jerk approach from `from_mm` that lasts `approach_s`."""
+        """Return the table of this reference after a minimum-jerk approach, as a reference that runs once.
+
+        The approach begins at the displacement `from_mm` and lasts `approach_s`.
+        """
         if approach_s <= 0:
             return self
         path_mm = _minimum_jerk(from_mm, float(self.displacement_mm[0]), approach_s)

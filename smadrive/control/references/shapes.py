@@ -1,7 +1,7 @@
 """References described in one line by a shape: `sine:low_mm=2,high_mm=9,period_s=56,cycles=2`.
 
-Each shape is a function of this file, and its keyword arguments are the keys of the line. The positional argument
-`longest_s` is not a key: it is the longest duration, and a longer reference is rejected before its table is made.
+Each shape is a function of this file. Its keyword arguments are the keys of the line. Its positional argument
+`longest_s` is not a key, but the longest duration in s: a longer reference is rejected before its table is made.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ ROUNDING = 1e-9
 
 
 def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
-    """Return the reference that the line `spec` describes.
+    """Return the reference that the line `spec` describes, such as `sine:low_mm=2,high_mm=9,period_s=56`.
 
-    ConfigError for an unknown shape, for unknown, repeated or missing keys (the error lists the shapes or keys), and
-    for an impossible value. DataError for a reference that is too short, too fast or longer than `longest_s`.
+    ConfigError for an unknown shape, for unknown, repeated or missing keys, and for an impossible value. The error
+    lists the shapes or the keys. DataError for a reference that is too short, too fast or longer than `longest_s`.
     """
     where = f"{WHERE} '{spec}'"
     shape, _, arguments = spec.partition(":")
@@ -73,7 +73,7 @@ def _key_text(key: Parameter) -> str:
 def sine(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
 ) -> Reference:
-    """A sine of period `period_s` between `low_mm` and `high_mm`. It begins at `low_mm`."""
+    """Return a sine of period `period_s` between `low_mm` and `high_mm`, which begins at `low_mm`."""
     _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
     _check_pace(period_s * cycles, 2 * cycles, longest_s)
     times = np.linspace(0.0, period_s * cycles, max(3, int(period_s * cycles / TABLE_STEP_S)))
@@ -84,7 +84,7 @@ def sine(
 def triangle(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
 ) -> Reference:
-    """Straight lines up and down between `low_mm` and `high_mm`. `cycles` may be a fraction."""
+    """Return straight lines up and down between `low_mm` and `high_mm`. `cycles` may be a fraction."""
     _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
     _check_pace(period_s * cycles, 2 * cycles, longest_s)
     legs = np.append(np.arange(np.ceil(2 * cycles)), 2 * cycles)
@@ -101,7 +101,10 @@ def staircase(
     dwell_s: float = 10.0,
     rise_s: float = 2.0,
 ) -> Reference:
-    """`steps` equal steps up, then as many down. Each level is held for `dwell_s`, each rise or fall takes `rise_s`."""
+    """Return a reference with `steps` equal steps up from `low_mm` to `high_mm`, then as many down.
+
+    Each level is held for `dwell_s`. Each rise or fall takes `rise_s`.
+    """
     _check(low_mm=low_mm, high_mm=high_mm, steps=steps, dwell_s=dwell_s, rise_s=rise_s)
     _check_pace(2 * steps * (dwell_s + rise_s) + dwell_s, 2 * steps, longest_s)
     up = np.linspace(low_mm, high_mm, _multiple("steps", steps, of=1.0) + 1)
@@ -111,10 +114,10 @@ def staircase(
 def steps(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, dwell_s: float = 10.0, cycles: float = 2.0
 ) -> Reference:
-    """Jumps between `low_mm` and `high_mm`, each held for `dwell_s`.
+    """Return a reference that jumps between `low_mm` and `high_mm`, and holds each level for `dwell_s`.
 
-    No wire follows a jump. With `smooth=True` or `smadrive run --smooth`, the run tracks the nearest reference that
-    the wire can follow.
+    No wire follows a jump. With `smooth=True` or `smadrive run --smooth`, the run tracks the nearest reference that the
+    wire can follow.
     """
     _check(low_mm=low_mm, high_mm=high_mm, dwell_s=dwell_s, cycles=cycles)
     _check_pace((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s)
@@ -130,7 +133,10 @@ def trapezoid(
     dwell_s: float = 5.0,
     cycles: float = 2.0,
 ) -> Reference:
-    """Straight lines between `low_mm` and `high_mm`. Each line takes `rise_s`, and each level is held for `dwell_s`."""
+    """Return straight lines between `low_mm` and `high_mm`.
+
+    Each line takes `rise_s`. Each level is held for `dwell_s`.
+    """
     _check(low_mm=low_mm, high_mm=high_mm, rise_s=rise_s, dwell_s=dwell_s, cycles=cycles)
     _check_pace(2 * cycles * (dwell_s + rise_s) + dwell_s, 2 * cycles, longest_s)
     return _held(_alternating(low_mm, high_mm, cycles), dwell_s, every_s=dwell_s + rise_s)
@@ -145,7 +151,10 @@ def chirp(
     end_hz: float,
     duration_s: float = 120.0,
 ) -> Reference:
-    """A swing between `low_mm` and `high_mm` whose frequency changes linearly from `start_hz` to `end_hz`."""
+    """Return a swing between `low_mm` and `high_mm` that lasts `duration_s`.
+
+    Its frequency changes linearly from `start_hz` to `end_hz`.
+    """
     _check(low_mm=low_mm, high_mm=high_mm, start_hz=start_hz, end_hz=end_hz, duration_s=duration_s)
     _check_pace(duration_s, 2 * max(start_hz, end_hz) * duration_s, longest_s)
     rate_hz_per_s = (end_hz - start_hz) / duration_s

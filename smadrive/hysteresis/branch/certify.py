@@ -1,4 +1,4 @@
-"""The certificate of a tabulated model: `certificate.py` says what its figures mean."""
+"""Computes the certificate of a model from the tables of its two branches."""
 
 from __future__ import annotations
 
@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 
 
 def certify(engine: BranchEngine, laws: Iterable[tuple[FloatArray, FloatArray]] | None = None) -> Certificate:
-    """Return the certificate of a tabulated model.
+    """Return the certificate of the model whose branches are tabulated in `engine`.
 
-    `laws` are (a, b) of the heating and of the cooling rules. Without them, a and b at the nodes of the table are used.
+    `laws` holds the coefficients (a, b) of the heating rules, then those of the cooling rules; a and b have the shape
+    (rules,). A rule is dw/dv = a w + b. Without `laws`, the coefficients at the nodes of the tables are used.
     """
     (a_heating, b_heating), (a_cooling, b_cooling) = laws or (_law(engine.heating), _law(engine.cooling))
     up, down = engine.heating.exponent, engine.cooling.exponent
@@ -51,16 +52,20 @@ def _invertible_share(engine: BranchEngine) -> float:
 
 
 def turned_share(heating: FloatArray, cooling: FloatArray) -> float:
-    """Return the largest reversal of w along the two branches of the major loop, as a share of the loop's travel."""
+    """Return the largest reversal of w along either branch of the major loop, as a share of the loop's travel.
+
+    `heating` and `cooling` are w on the two branches at ascending inputs, both (nodes,). A reversal is a fall of w
+    while the input increases.
+    """
     travel = float(max(np.ptp(heating), np.ptp(cooling)))
     back = max(float(np.max(np.maximum.accumulate(branch) - branch)) for branch in (heating, cooling))
     return back / travel if travel > 0 else 0.0
 
 
 def invertible_band(engine: BranchEngine) -> tuple[FloatArray, FloatArray]:
-    """Return R(v) and S(v) at the nodes of the table, both (nodes,).
+    """Return the lowest and the highest state w with a unique inverse at each node of the tables, both (nodes,).
 
-    Between R and S the state rises on heating and falls on cooling.
+    Between these two limits w rises while the input rises, and w falls while the input falls. A limit may be infinite.
     """
     (a_heating, b_heating), (a_cooling, b_cooling) = _law(engine.heating), _law(engine.cooling)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,15 +1,14 @@
-"""The exact branch engine, common to Duhem and T-S fuzzy Duhem models.
+"""The exact branch engine: it computes the state of Duhem and T-S fuzzy Duhem models from tables.
 
-While the input rises or falls, the state w follows a linear ODE dw/dv = a(v) w + b(v). With Λ(v) = ∫a dv and any
-particular solution P(v), the exact solution for any distance v1 - v0 is
+While the input v rises or falls, the state w follows a linear ODE dw/dv = a(v) w + b(v). With Λ(v) = ∫a dv and any
+particular solution P(v) of the ODE, the exact solution for any distance v1 - v0 is
 
     w(v1) = P(v1) + (w(v0) - P(v0)) exp(Λ(v1) - Λ(v0))
 
 This needs neither an ODE solver nor a step size. Λ and P of both branches are tabulated once, as cubic Hermite pieces
-on one grid. Their derivatives a and a P + b are known, so the error is of fourth order. A trajectory is one vector
-expression for each monotone section of the input path; a single step needs a few multiplications and one exp.
-
-Outside the grid the state is constant, because the input is clamped to [lower, upper].
+on one grid. The tables contain the derivatives a of Λ and a P + b of P, so the error is of fourth order. One array
+expression gives all states of a monotone section of the input path. A single step needs a few multiplications and one
+exp. Outside the grid the state is constant, because the input is clamped to [lower, upper].
 """
 
 from __future__ import annotations
@@ -31,11 +30,11 @@ _Bin = tuple[float, _Row, _Row]  # position of the extra node (inf without one),
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """One branch at the nodes of a grid, all arrays of shape (nodes,).
+    """The law dw/dv = a(v) w + b(v) of one direction at the nodes of a grid; all fields are (nodes,).
 
-    exponent       Λ
+    exponent       Λ, the integral of a over v
     rate           a, the derivative of Λ
-    target         a particular solution P
+    target         P, a particular solution w(v) of the law
     target_slope   a P + b, the derivative of P
     """
 
@@ -45,9 +44,9 @@ class Branch:
     target_slope: FloatArray
 
     def pieces(self, nodes: FloatArray) -> FloatArray:
-        """Return the coefficients of the cubic pieces in v - nodes[cell], shape (8, cells).
+        """Return the coefficients of the cubic polynomials of each cell, in v - nodes[cell], shape (8, cells).
 
-        The first four rows belong to P, from the constant to the cubic term; the last four belong to Λ.
+        The first four rows belong to `target`, from the constant to the cubic term; the last four belong to `exponent`.
         """
         width = np.diff(nodes)
         return np.vstack([_hermite(width, self.target, self.target_slope), _hermite(width, self.exponent, self.rate)])
@@ -62,10 +61,10 @@ def _hermite(width: FloatArray, value: FloatArray, slope: FloatArray) -> FloatAr
 
 
 class BranchEngine:
-    """Exact stepping along two tabulated branches.
+    """Computes states exactly, from the tables of the heating and the cooling branch.
 
-    `nodes` are the ends of `bins` uniform cells over [lower, upper]. A cell may have one extra node inside, at an input
-    where a or b has a kink.
+    `nodes` are the ends of `bins` uniform cells over [lower, upper]. A cell may have one extra node inside, where a or
+    b of the law dw/dv = a w + b has a kink.
     """
 
     def __init__(self, nodes: FloatArray, bins: int, heating: Branch, cooling: Branch) -> None:
@@ -84,7 +83,7 @@ class BranchEngine:
         self._has_splits = bool(inside.any())
 
     def evaluate(self, v: FloatArray, rising: np.ndarray) -> tuple[FloatArray, FloatArray]:
-        """Return P and Λ of the branch at the inputs `v` in [lower, upper], both (samples,).
+        """Return the solution P and the exponent Λ = ∫a dv at the inputs `v` in [lower, upper], both (samples,).
 
         `rising` (samples,) is True where the heating branch is used, False where the cooling branch is used.
         """
@@ -163,7 +162,7 @@ class BranchEngine:
         return cooling, heating
 
     def row(self, v: float, rising: bool) -> _Row:
-        """Return the table row for one input in [lower, upper]: the node, four coefficients of P and four of Λ."""
+        """Return the table row of one input: the node, 4 coefficients of `Branch.target`, 4 of `Branch.exponent`."""
         split, below, beyond = self._scalar[rising][int((v - self.lower) * self._bins_per_unit)]
         return below if v < split else beyond
 
@@ -192,7 +191,7 @@ class BranchEngine:
         return ((p3 * t + p2) * t + p1) * t + p0 + excess * exp(((l3 * t + l2) * t + l1) * t + l0 - exponent)
 
     def section(self, w: float, v: float, rising: bool) -> Callable[[float], tuple[float, float]]:
-        """Return the function that gives the state and its slope at any input in [lower, upper].
+        """Return the function that gives the state and the slope dw/dv at any input in [lower, upper].
 
         w is the state at v, and the input moves monotonically from v, upward if `rising`.
         """
@@ -212,7 +211,7 @@ class BranchEngine:
         return at
 
     def slope(self, w: float, v: float, rising: bool) -> float:
-        """Return dw/dv = P' + a (w - P) at one input; it is zero outside the grid."""
+        """Return the slope dw/dv at the state w and the input v; it is zero outside the grid."""
         if not self.lower <= v <= self.upper:
             return 0.0
         node, p0, p1, p2, p3, _, l1, l2, l3 = self.row(v, rising)
@@ -221,7 +220,7 @@ class BranchEngine:
         return (3 * p3 * t + 2 * p2) * t + p1 + ((3 * l3 * t + 2 * l2) * t + l1) * (w - target)
 
     def local_law(self, v: float, *, rising: bool) -> tuple[float, float]:
-        """Return a and b of dw/dv = a w + b at one input; both are zero outside the grid."""
+        """Return a and b of the law dw/dv = a w + b at the input v; both are zero outside the grid."""
         if not self.lower <= v <= self.upper:
             return 0.0, 0.0
         node, p0, p1, p2, p3, _, l1, l2, l3 = self.row(v, rising)
@@ -230,7 +229,7 @@ class BranchEngine:
         return rate, (3 * p3 * t + 2 * p2) * t + p1 - rate * (((p3 * t + p2) * t + p1) * t + p0)
 
     def target(self, v: float, *, rising: bool) -> float:
-        """Return the solution P at one input: the heating branch if `rising`, otherwise the cooling branch."""
+        """Return the state w at the input v on the heating branch if `rising`, otherwise on the cooling branch."""
         v = self.clamp(v)
         node, p0, p1, p2, p3, *_ = self.row(v, rising)
         t = v - node

@@ -1,7 +1,11 @@
-"""Models whose state w follows one law per branch, dw/dv = a(v) w + b(v), and depends on nothing else.
+"""Models whose state w follows one law per direction of the input v: dw/dv = a(v) w + b(v).
 
-The inverse solves P(v1) + (w0 - P(v0)) exp(Λ(v1) - Λ(v0)) = w1. The first guess is the exact solution for constant a
-and b, Δv = ln((a w1 + b)/(a w0 + b))/a.
+The slope depends on v, on w and on the direction, and on nothing else. Λ(v) is the integral of a, and P(v) is a
+particular solution of the law. The inverse finds the input v1 at which a wire from the state w0 at v0 has the state w1:
+
+    P(v1) + (w0 - P(v0)) exp(Λ(v1) - Λ(v0)) = w1
+
+The first guess is the exact solution for constant a and b, v1 = v0 + ln((a w1 + b)/(a w0 + b))/a.
 """
 
 from __future__ import annotations
@@ -20,32 +24,39 @@ if TYPE_CHECKING:
 
 
 class BranchModel(HysteresisModel):
-    """Base of DuhemModel and TSFuzzyDuhem. A subclass defines `admissible` and `certificate`, and builds the engine."""
+    """The base class of DuhemModel and TSFuzzyDuhem.
+
+    A subclass defines `admissible` and `certificate`, and gives the constructor a BranchEngine: the tables of both
+    branches, from which states are computed.
+    """
 
     def __init__(self, engine: BranchEngine, scale: float, offset: float, input_range: tuple[float, float]) -> None:
         super().__init__(scale, offset, input_range)
         self.engine = engine
 
     def branch(self, v: FloatArray, *, rising: bool) -> FloatArray:
-        """See HysteresisModel."""
+        """Return the state w at the inputs `v` on the heating branch if `rising`, otherwise on the cooling branch."""
         inside = np.clip(np.asarray(v, dtype=np.float64), self.engine.lower, self.engine.upper)
         return self.engine.evaluate(inside, np.full(inside.shape, rising))[0]
 
     def branch_slope(self, v: FloatArray, *, rising: bool) -> FloatArray:
-        """See HysteresisModel."""
+        """Return dw/dv at the inputs `v` on the heating branch if `rising`, otherwise on the cooling branch."""
         branch = self.engine.heating if rising else self.engine.cooling
         return np.asarray(np.interp(v, self.engine.nodes, branch.target_slope, left=0.0, right=0.0))
 
     def slope(self, state: HysteresisState, direction: int) -> float:
-        """See HysteresisModel; dy/dv = scale · (a w + b)."""
+        """Return dy/dv at `state`, for an input that rises (direction > 0) or falls."""
         return self.scale * self.engine.slope(state.w, state.v, direction > 0)
 
     def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:  # noqa: ARG002
-        """See HysteresisModel."""
+        """Return the state with the input v and the output y, or with the possible output that is nearest to y."""
         return self.initial_state(v, y)
 
     def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
-        """See HysteresisModel. The output follows the present slope; a slope of the wrong sign counts as zero."""
+        """Return `state` with the input v, and with its output changed by the present slope times the change of input.
+
+        A slope of the wrong sign counts as zero. The output becomes the nearest output that the model can have at v.
+        """
         slope = self.scale * max(self.engine.slope(state.w, state.v, direction > 0), 0.0)
         return self.initial_state(v, state.y + slope * (v - state.v))
 
@@ -64,7 +75,11 @@ class BranchModel(HysteresisModel):
         self.engine.trajectory(v, start.w, out)
 
     def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
-        """See HysteresisModel."""
+        """Return the input that takes the wire from `state` to the state w, and the state at this input.
+
+        The input moves in one direction only. If no input of the range leads to w, the result is the end of the range,
+        and the state at this end.
+        """
         rising = w > state.w
         section = self.engine.section(state.w, state.v, rising)
         near, far = self.engine.clamp(state.v), self.engine.upper if rising else self.engine.lower

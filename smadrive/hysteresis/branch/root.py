@@ -14,10 +14,10 @@ Section = Callable[[float], tuple[float, float]]
 def find_input(
     section: Section, w1: float, near: float, far: float, guess: float, *, rising: bool
 ) -> tuple[float, float]:
-    """Return the input between `near` and `far` at which `section` reaches the state `w1`, and the state there.
+    """Return the input between `near` and `far` at which `section` reaches the state `w1`, and the state at this input.
 
-    The input moves from `near` to `far`, upward if `rising`. `guess` is the first trial. If the section does not reach
-    `w1`, the result is `far`.
+    `section` returns w and dw/dv at an input. The input moves from `near` to `far`, upward if `rising`. `guess` is the
+    first trial. If the section does not reach `w1`, the result is `far` and the state at `far`.
     """
     v, end_checked = guess, False
     for _ in range(_ITERATIONS):

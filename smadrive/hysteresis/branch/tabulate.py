@@ -1,12 +1,13 @@
-"""Tables of Λ = ∫a dv and of the attracting solution P for the branch engine.
+"""Tables of a law dw/dv = a(v) w + b(v) for the branch engine: Λ = ∫a dv and the attracting solution P.
 
 Every cell is integrated by Gauss-Legendre quadrature. Inside a cell, Λ at the quadrature points is the integral of the
-polynomial that interpolates a (the collocation matrix). So each cell maps P from one end to the other:
+polynomial that interpolates a (the collocation matrix). So each cell maps P from its end v0 to its end v1, with Λ0 and
+Λ1 the values of Λ at these ends:
 
     P(v1) = P(v0) exp(Λ1 - Λ0) + ∫ b(s) exp(Λ1 - Λ(s)) ds
 
-This affine map is applied in the contracting direction only: upward on heating, downward on cooling. The cells are
-halved until the cubic pieces between the nodes agree with the pieces of the next finer grid.
+This affine map is applied only in the direction in which it contracts: upward on heating, downward on cooling. The
+cells are halved until the cubic pieces between the nodes agree with the pieces of the next finer grid.
 """
 
 from __future__ import annotations
@@ -60,9 +61,10 @@ def integrate_rate(nodes: FloatArray, rate: FloatArray) -> CellIntegrals:
 def cell_maps(
     nodes: FloatArray, cells: CellIntegrals, bias: FloatArray, *, rising: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Return `gain` and `shift` of each cell, both (cells,), so that w_out = gain w_in + shift.
+    """Return `gain` and `shift` of each cell, both (cells,): the input crosses the cell, and w becomes gain w + shift.
 
-    If `rising`, the state enters a cell at its lower end, otherwise at its upper end.
+    The law is dw/dv = a w + b. `cells` holds the integrals of a, and `bias` is b at the quadrature points (cells, 5).
+    If `rising`, the input crosses each cell upward, otherwise downward.
     """
     end = cells.exponent[1:] if rising else cells.exponent[:-1]
     start = cells.exponent[:-1] if rising else cells.exponent[1:]
@@ -72,12 +74,13 @@ def cell_maps(
 
 
 def march(start: ArrayLike, gain: FloatArray, shift: FloatArray, *, rising: bool) -> FloatArray:
-    """Return the solution at every node while the input crosses the whole grid.
+    """Return the state w at every node, in ascending order, while the input crosses the whole grid.
 
-    The input enters at the lower end if `rising`, otherwise at the upper end. There the solution is `start`. The maps
-    w_out = gain w_in + shift of all cells form one linear system with two diagonals. `gain` has the shape (cells,).
-    For one solution, `start` is a number and `shift` has the shape (cells,). For several solutions, `start` has the
-    shape (columns,) and `shift` has the shape (cells, columns).
+    If `rising`, the input starts at the lower end, otherwise at the upper end. The state there is `start`. In each cell
+    w becomes gain w + shift; together, these maps are one linear system with two diagonals. `gain` has the shape
+    (cells,). For one solution, `start` is a number, `shift` has the shape (cells,), and the result (nodes,). For
+    several solutions, `start` has the shape (columns,), `shift` has the shape (cells, columns), and the result (nodes,
+    columns).
     """
     step = 1 if rising else -1
     entered = np.concatenate([np.reshape(start, (1, *shift.shape[1:])), shift[::step]])
@@ -88,7 +91,10 @@ def march(start: ArrayLike, gain: FloatArray, shift: FloatArray, *, rising: bool
 
 
 def uniform_grid(lower: float, upper: float, bins: int, kinks: FloatArray) -> FloatArray:
-    """Return uniform nodes and the kinks, ascending. A kink very near to a uniform node adds no node."""
+    """Return `bins` + 1 uniform nodes from `lower` to `upper` together with the kinks, ascending.
+
+    A kink very near to a uniform node adds no node.
+    """
     nodes = np.linspace(lower, upper, bins + 1)
     place = (kinks - lower) / (upper - lower) * bins
     apart = (np.abs(place - np.round(place)) > 1e-5) & (place > 0) & (place < bins)
@@ -98,8 +104,8 @@ def uniform_grid(lower: float, upper: float, bins: int, kinks: FloatArray) -> Fl
 def tabulate(lower: float, upper: float, build: Build, kinks: FloatArray) -> BranchEngine:
     """Return the branch engine on the coarsest grid that agrees with the next finer grid to 1e-10.
 
-    `build` returns the heating and the cooling branch at any nodes. Raises ModelError when even a grid of 131,072 cells
-    is too coarse.
+    `build` takes nodes, and returns the heating and the cooling branch at these nodes. `kinks` are the inputs at which
+    the laws of the model are not smooth. Raises ModelError when even a grid of 131,072 cells is too coarse.
     """
     bins, coarse = _FIRST_BINS, None
     while bins <= _MOST_BINS:

@@ -2,15 +2,15 @@
 
     w = (1 - share) x + share p          dx = (a(v) x + b(v)) dv          dp = e(v, v_r) dv
 
-x follows the rules of a T-S fuzzy Duhem model (see tsfuzzy.py), which know the input and its direction. p is the state
-of a Preisach plane (see plane.py): its rules have the last turning point v_r as a third premise. With the share 0 the
-model is a T-S fuzzy Duhem model, with the share 1 a Preisach plane. A wire that is a mixture of both has exactly this
-structure: x forgets its turning points exponentially, and p returns to them exactly.
+v is the input and w the state. x is the state of a T-S fuzzy Duhem model (see tsfuzzy.py): its slope depends on v, on x
+and on the direction of v. p is the state of a Preisach plane (see plane.py): its slope e depends on v, on the
+direction, and on the last turning point v_r, a third premise of its rules. A wire that is a mixture of both has exactly
+this structure: x forgets its turning points exponentially, and p returns to them exactly.
 
-Along a section v_r is constant, so the exact step of x and the difference of two values of the Everett function give w
-at any distance. Both parts are monotone and lie in [0, 1], and so is w.
+Along a section v_r is constant. So the exact step of x and two values of the Everett function give w at any distance. x
+and p are monotone and lie in [0, 1]; so w is monotone and lies in [0, 1], too.
 
-The state (v, w) alone does not determine x and p. `initial_state` therefore assumes the history of a first-order
+The values v and w alone do not determine x and p. `initial_state` therefore assumes the history of a first-order
 reversal curve: from the hot end of the range down to one turning point, then up to v. Exactly one such curve passes
 through each point between the branches.
 """
@@ -67,38 +67,46 @@ class TSFuzzyPreisach(HysteresisModel):
         return (self.local.rules if self._rest else ()) + self.plane.rules
 
     def rules_text(self) -> str:
-        """Return the rules as IF-THEN sentences, one per line, after a line that says how x and p make w."""
+        """Return the rules as IF-THEN sentences, one per line.
+
+        The first line gives the state w as a sum of x, the state of the T-S fuzzy Duhem rules, and p, the state of the
+        plane.
+        """
         return "\n".join([f"w = {self._rest:.6g} x + {self.share:.6g} p", *map(str, self.rules)])
 
     def admissible(self, v: float) -> tuple[float, float]:
-        """See HysteresisModel: every state in [0, 1] is possible for the rules, those between its branches for p."""
+        """Return the smallest and the largest state w that the model can have at input v.
+
+        The rules can have any state in [0, 1], the plane only those between its branches.
+        """
         low, high = self.plane.branch(v, rising=True), self.plane.branch(v, rising=False)
         return self.share * low, self._rest + self.share * high
 
     def certificate(self) -> Certificate:
-        """Return the certificate of the rules. Its `turned_share` is that of the whole model.
+        """Return the certificate of the T-S fuzzy Duhem rules, but with the `turned_share` of the whole model.
 
-        The plane is monotone and bounded. It does not contract: one sweep over the range wipes out all its memory.
+        The Preisach plane needs no certificate: it is always monotone and bounded. The plane does not contract, but one
+        sweep over the range wipes out all its memory.
         """
         nodes = self._engine.nodes
         branches = [self.branch(nodes, rising=rising) for rising in (True, False)]
         return replace(self.local.certificate(), turned_share=turned_share(*branches))
 
     def branch(self, v: FloatArray, *, rising: bool) -> FloatArray:
-        """See HysteresisModel."""
+        """Return the state w at the inputs `v` on the heating branch if `rising`, otherwise on the cooling branch."""
         inputs = np.clip(np.asarray(v, dtype=np.float64), *self.input_range)
         plane = self.plane.branches(inputs, rising=rising)
         return np.asarray(self._rest * self.local.branch(inputs, rising=rising) + self.share * plane)
 
     def branch_slope(self, v: FloatArray, *, rising: bool) -> FloatArray:
-        """See HysteresisModel."""
+        """Return dw/dv at the inputs `v` on the heating branch if `rising`, otherwise on the cooling branch."""
         turn = self.input_range[0 if rising else 1]
         plane = [self.plane.slope(float(one), turn, rising=rising) for one in np.ravel(v)]
         slope = self._rest * self.local.branch_slope(v, rising=rising) + self.share * np.reshape(plane, np.shape(v))
         return np.asarray(slope)
 
     def slope(self, state: HysteresisState, direction: int) -> float:
-        """See HysteresisModel."""
+        """Return dy/dv at `state`, for an input that rises (direction > 0) or falls."""
         memory, rising = _memory(state), direction > 0
         turn = memory.turns[-1] if rising == memory.rising else state.v
         local = self._engine.slope(memory.local, state.v, rising)
@@ -166,7 +174,10 @@ class TSFuzzyPreisach(HysteresisModel):
         return self.plane.everett(turn, start) - self.plane.everett(turn, end)
 
     def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
-        """See HysteresisModel. The shift follows the present section, also backwards, and makes no turning point."""
+        """Return `state` with the input v and the output at v on the present section; no turning point is added.
+
+        The shift may go backwards on this section. Before its turning point, the section before is used.
+        """
         memory, v0, v1 = _memory(state), self._clamp(state.v), self._clamp(v)
         turn, rising = memory.turns[-1], memory.rising
         if v1 == v0 or (v1 > v0) == rising:
@@ -180,7 +191,10 @@ class TSFuzzyPreisach(HysteresisModel):
         return self._moved(at_turn._replace(memory=before), v)
 
     def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:
-        """See HysteresisModel. Rules and plane take the same correction, as far as each can have it."""
+        """Return `state` with the input v, and with its output corrected towards y; no turning point is added.
+
+        Rules and plane get the same correction, limited to the states that each can have at v.
+        """
         shifted = self.shifted(state, v, 1)
         local, plane, turns, dropped = _memory(shifted)
         error, inside = (y - self.offset) / self.scale - shifted.w, self._clamp(v)
@@ -189,7 +203,10 @@ class TSFuzzyPreisach(HysteresisModel):
         return self._state(v, min(max(local + error, 0.0), 1.0), plane, turns, dropped)
 
     def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
-        """See HysteresisModel."""
+        """Return the input that takes the wire from `state` to the state w in one direction, and the state there.
+
+        If no input of the range leads to w, the result is the end of the range, and the state at this end.
+        """
         memory, v = _memory(state), self._clamp(state.v)
         rising = w > state.w
         far = self.input_range[1 if rising else 0]

@@ -1,14 +1,15 @@
 """The Preisach plane: relays with two thresholds, as a table of the Everett function.
 
-A relay with the thresholds (α, β), α ≥ β, switches on when v rises above α, and off when v falls below β. The plane has
-a mass of relays in each cell of a grid, uniform within the cell. Its state p is the mass of the relays that are on. On
-a section that begins at a turning point, p changes by the Everett function, the mass of a triangle of the plane:
+A relay with the thresholds (α, β), α ≥ β, switches on when the input v rises above α, and off when v falls below β.
+Each cell of a grid of thresholds holds a mass of relays, uniform within the cell. The state p of the plane is the mass
+of the relays that are on. On a section that begins at a turning point, p changes by the Everett function E, the mass of
+a triangle of the plane:
 
     E(a, b) = mass of the relays with α ≤ a and β ≥ b          bilinear in a and b within each cell of the grid
     rising from the turning point m    p = p_m + E(v, m)       falling from the turning point M    p = p_M - E(M, v)
 
-So the slope of p is constant within a cell of v, and linear in the turning point (Preisach 1935, Everett 1955). This is
-a rule base with the last turning point as a third premise:
+p_m and p_M are p at the turning points. So the slope of p is constant within a cell of v, and linear in the turning
+point (Preisach 1935, Everett 1955). These are rules with the last turning point as a third premise:
 
     IF v is in a cell of α AND v rises AND the last turning point is about a threshold β THEN dp = b dv, b = ∂E/∂v
 
@@ -37,7 +38,11 @@ _ROUNDING = 1e-9
 
 
 class MemoryRule(NamedTuple):
-    """One rule of p. Its premise is a cell of v, the direction (+1 or -1) and the last turning point `turn`."""
+    """One rule of a Preisach plane for its state p: IF three premises hold THEN dp = b dv.
+
+    The premises: the input v is from `lower` to `upper`, v rises (`direction` +1) or falls (-1), and the last turning
+    point of v is about `turn`. b is in 1/(unit of v).
+    """
 
     lower: float
     upper: float
@@ -52,10 +57,12 @@ class MemoryRule(NamedTuple):
 
 
 class PreisachPlane:
-    """The mass of the relays, `mass` (up_thresholds - 1, down_thresholds - 1), in the cells between the thresholds.
+    """A Preisach plane: the masses of its relays in the cells between the thresholds.
 
-    The thresholds are ascending and have the unit of v. The masses are not negative, and their sum is 1. ModelError for
-    other values, and for a mass in a cell with α < β. `table` holds E at the thresholds.
+    `mass` has the shape (up_thresholds - 1, down_thresholds - 1). The masses are not negative, and their sum is 1. The
+    thresholds are ascending and have the unit of v. Raises ModelError for other values, and for a mass in a cell with
+    an up-threshold below its down-threshold. `table` holds the Everett function at all pairs of thresholds, shape
+    (up_thresholds, down_thresholds).
     """
 
     def __init__(self, up_thresholds: ArrayLike, down_thresholds: ArrayLike, mass: ArrayLike) -> None:
@@ -72,7 +79,7 @@ class PreisachPlane:
 
     @property
     def rules(self) -> tuple[MemoryRule, ...]:
-        """The rules whose consequent is not 0, those for rising input first."""
+        """The rules whose slope b is not 0: first those for rising input, then those for falling input."""
         found = []
         for direction, cells, turns, table in (
             (1, self._up, self._down, np.diff(self.table, axis=0)),
@@ -85,7 +92,7 @@ class PreisachPlane:
         return tuple(found)
 
     def everett(self, a: float, b: float) -> float:
-        """Return E(a, b)."""
+        """Return the Everett function: the mass of the relays with an up-threshold ≤ a and a down-threshold ≥ b."""
         up, down = self._up, self._down
         if a <= up[0] or b >= down[-1]:
             return 0.0
@@ -98,7 +105,10 @@ class PreisachPlane:
         return low + s * (above[j] + t * (above[j + 1] - above[j]) - low)
 
     def everett_values(self, a: FloatArray, b: FloatArray) -> FloatArray:
-        """Return E(a, b) for arrays of one shape."""
+        """Return the Everett function for arrays a and b of one shape, as an array of this shape.
+
+        A value is the mass of the relays with an up-threshold ≤ a and a down-threshold ≥ b.
+        """
         i, s = _place(self.up_thresholds, a)
         j, t = _place(self.down_thresholds, b)
         values, columns = self.table.ravel(), self.table.shape[1]
@@ -108,7 +118,10 @@ class PreisachPlane:
         return np.asarray((1 - s) * low + s * high)
 
     def slope(self, v: float, turn: float, *, rising: bool) -> float:
-        """Return dp/dv at v on a section that began at the turning point `turn`."""
+        """Return the slope dp/dv of the plane's state p at the input v, upward if `rising`, otherwise downward.
+
+        The section of the input began at the turning point `turn`.
+        """
         up, down = self._up, self._down
         if rising:
             if not up[0] <= v <= up[-1] or turn >= down[-1]:
@@ -123,11 +136,11 @@ class PreisachPlane:
         return (self.everett(turn, down[j]) - self.everett(turn, down[j + 1])) / width
 
     def branch(self, v: float, *, rising: bool) -> float:
-        """Return p on a branch of the major loop: heating if `rising`, otherwise cooling."""
+        """Return the plane's state p at v on the heating branch if `rising`, otherwise on the cooling branch."""
         return self.everett(v, self._down[0]) if rising else 1.0 - self.everett(self._up[-1], v)
 
     def branches(self, v: FloatArray, *, rising: bool) -> FloatArray:
-        """Return p on a branch of the major loop at the inputs `v`."""
+        """Return the state of the plane at the inputs `v`: the heating branch if `rising`, else the cooling branch."""
         if rising:
             return self.everett_values(v, np.full_like(v, self._down[0]))
         return np.asarray(1.0 - self.everett_values(np.full_like(v, self._up[-1]), v))
@@ -153,7 +166,10 @@ def _thresholds(name: str, values: ArrayLike) -> FloatArray:
 
 
 def in_plane(up_thresholds: FloatArray, down_thresholds: FloatArray) -> np.ndarray:
-    """Return True for each cell whose relays all have α ≥ β, shape (up_thresholds - 1, down_thresholds - 1)."""
+    """Return a mask of the cells, True where no relay has an up-threshold below its down-threshold.
+
+    The mask has the shape (up_thresholds - 1, down_thresholds - 1).
+    """
     return np.asarray(up_thresholds[:-1, None] >= down_thresholds[None, 1:])
 
 

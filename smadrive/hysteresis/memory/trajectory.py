@@ -1,7 +1,8 @@
-"""The states of a Preisach plane along a whole input path: one vector expression for all samples.
+"""The states of a Preisach plane along a whole input path: one array expression for all samples.
 
-The stack of turning points is followed once for each monotone section of the path. Between two events of the stack, p
-is a constant plus or minus a value of the Everett function.
+The stack of turning points is followed once for each monotone section of the path. The stack changes when the input
+reverses, and when the input passes an older turning point. Between two changes, the state is a constant plus or minus a
+value of the Everett function.
 """
 
 from __future__ import annotations
@@ -14,7 +15,10 @@ from smadrive.numerics.arrays import FloatArray
 
 
 def plane_states(plane: PreisachPlane, v: FloatArray, start: Memory) -> FloatArray:
-    """Return the state p of `plane` at every sample of the path `v` (samples,), which begins in the state `start`."""
+    """Return the state of `plane` at every sample of the input path `v`; path and result are (samples,).
+
+    `start` is the memory of the wire at the first sample.
+    """
     moves = np.flatnonzero(np.diff(v)) + 1
     path = v[np.concatenate([[0], moves])]
     samples = np.searchsorted(moves, np.arange(len(v)), side="right")

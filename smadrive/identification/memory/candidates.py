@@ -1,6 +1,7 @@
 """Models with memory, fitted to a record: a Preisach plane alone, or rules and a plane in parallel.
 
-The rules of a mixture are fitted to the output of its Duhem part, as without memory.
+For rules and a plane, `mixture.py` first divides the output of the record between both parts. The rules are then fitted
+to their part of the output, in the same way as rules without memory.
 """
 
 from __future__ import annotations

@@ -61,12 +61,13 @@ FEWEST_TURNING_POINT_SETS = 4
 def identify_memory(
     v: ArrayLike, y: ArrayLike, sets: int = 11, *, memory: int | None = None, dead_band: float | None = None
 ) -> MemoryFit:
-    """Fit T-S fuzzy rules to a record, and decide by loops held out how much memory the record supports.
+    """Fit T-S fuzzy rules to a record, with a Preisach plane if the wire remembers its turning points.
 
     v and y are input and output of one wire, both (samples,). `sets` is the number of fuzzy sets of the rules. `memory`
-    is the number of sets of the last turning point, from 4 to 40; 1 is no memory, and None lets the record decide.
-    `dead_band` is as in identify_tsfuzzy. Raises the errors of identify_tsfuzzy, and IdentificationError for another
-    number of sets.
+    is the number of sets of the last turning point: 4 to 40 for a model with memory, 1 for a model without memory. None
+    lets the record decide, by loops that are held out of the fit. `dead_band` is the radius of the reversal filter in
+    the unit of v; without `dead_band` the radius follows from the noise of v. Raises the errors of identify_tsfuzzy,
+    and IdentificationError for another value of `memory`.
     """
     if memory is not None and memory != 1:
         where, unit = "memory", "sets of the last turning point"
@@ -108,10 +109,12 @@ def _too_few_loops(record: Record, misfit_percent: float) -> str:
 
 @dataclass(frozen=True, slots=True)
 class MemoryChoice:
-    """The number of sets of the last turning point that was chosen; 1 is no memory.
+    """How the memory of a model was chosen.
 
-    The held-out errors with and without memory are RMS errors on the loops that the fits did not see, % of the output
-    span. They are NaN if the number of sets was given, or if the record has too few loops to tell.
+    `sets` is the number of sets of the last turning point; 1 is no memory. `with_percent` and `without_percent` are the
+    RMS errors with and without memory on the held-out loops, which the fits did not see, in % of the output span. They
+    are NaN if the number of sets was given, or if the record has too few loops. `doubts` are reasons to distrust the
+    choice.
     """
 
     sets: int
@@ -128,7 +131,10 @@ class MemoryFit(Fit[Model]):
 
 
 def loops_of(record: Record) -> np.ndarray:
-    """Return the number of the loop to which each cell of the record belongs. A loop is two monotone sections."""
+    """Return the number of the loop to which each cell of the record belongs, (cells,), counted from 0.
+
+    A loop is two monotone sections of the input.
+    """
     rising = record.rising
     turned = np.concatenate([[False], rising[1:] != rising[:-1]])
     return np.asarray(np.cumsum(turned) // 2)

@@ -1,11 +1,12 @@
-"""How much each cell of a Preisach plane contributes to p along a path: p is linear in the masses of the cells.
+"""How much each cell of a Preisach plane contributes to the plane's state p along a path.
 
-    p_k = Σ_cells on_k,cell · mass_cell          on: the share of the relays of the cell that are on at sample k
+    p_k = Σ_cells on_k,cell · mass_cell
 
-On a section that began at the turning point r, p changes by the Everett function E, which is bilinear in each cell of
-the grid (see hysteresis/memory/plane.py). So the path gives one row of weights per sample over the nodes of E. Each
-node of E is the sum of the masses above it, so two cumulative sums turn the weights of the nodes into those of the
-cells.
+p_k is the state at sample k, and on_k,cell is the share of the relays of a cell that are on at sample k. So p is linear
+in the masses of the cells. On a section that began at the turning point r, p changes by the Everett function E, which
+is bilinear in each cell of the grid (see hysteresis/memory/plane.py). So the path gives one row of weights per sample
+for the values of E at the nodes of the grid. Each of these values is a sum of masses, so two cumulative sums turn the
+weights of the nodes into the weights of the cells.
 """
 
 from __future__ import annotations
@@ -19,7 +20,10 @@ from smadrive.numerics.arrays import FloatArray
 
 
 class PlaneGrid:
-    """The thresholds of a plane, and which of its cells may have a mass, `cells` (up - 1, down - 1)."""
+    """The grid of a Preisach plane: its thresholds `up` and `down`, and a mask `cells`.
+
+    `cells` (up - 1, down - 1) is True for each cell that may have a mass.
+    """
 
     def __init__(self, up: FloatArray, down: FloatArray, cells: np.ndarray) -> None:
         self.up, self.down, self.cells = up, down, cells

@@ -1,12 +1,17 @@
-"""A wire as a mixture of a Duhem model and a Preisach plane: how its output divides between them.
+"""A wire as a mixture of a Duhem model and a Preisach plane: how its output divides between the two parts.
 
     y = bottom + θ x(v; μ₊, μ₋, σ₊, σ₋) + Σ_cells on_cell m_cell             θ ≥ 0, m ≥ 0
 
-Only the parameters of the Duhem part enter nonlinearly. For each trial of them the masses follow from non-negative
-least squares, so the search has six unknowns (variable projection). In its derivatives, masses that are zero stay zero.
+y is the output, v the input, and bottom the output at x = 0 with all relays off. x is the state of a Duhem model with
+one Gaussian per branch: mean μ₊ and standard deviation σ₊ on heating, μ₋ and σ₋ on cooling. θ is the weight of the
+Duhem part. m_cell is the mass of a cell of the plane, and on_cell the share of its relays that are on.
 
-A signed plane could imitate almost every Duhem model on a record; masses that are not negative cannot. So they, and the
-four parameters of the Duhem part, let the record decide about θ.
+Only the parameters of the Duhem part enter nonlinearly. For each trial of these parameters, the masses follow from
+non-negative least squares. So the search has six unknowns (variable projection). In the derivatives of the search,
+masses that are zero stay zero.
+
+A plane with negative masses could imitate almost every Duhem model on a record. A plane without negative masses cannot,
+so the record determines θ.
 """
 
 from __future__ import annotations
@@ -75,9 +80,9 @@ def duhem_part(
 ) -> FloatArray:
     """Return the output of the Duhem part of the mixture that explains the outputs `y` on the path `v` best.
 
-    The result, `y` and `v` have the shape (samples,). The result and `y` are in output spans.
-
-    `start` holds μ₊, μ₋, σ₊ and σ₋ of a Duhem fit in the unit of v.
+    The result, `y` and `v` have the shape (samples,). The result and `y` are in output spans. `problem` is the fit of
+    the plane for the same path. The search starts at `start` (4,): the means of the heating and the cooling branch,
+    then their standard deviations, from a Duhem fit, in the unit of v.
     """
     search = _Search(problem, v, y, input_range)
     lower, span = input_range[0], input_range[1] - input_range[0]

@@ -2,9 +2,11 @@
 
     minimise  Σ_k n_k (y_k - bottom - Σ_cells on_k,cell m_cell)² + λ² Σ_neighbours (m/A - m'/A')² A A'        m ≥ 0
 
-n_k is the number of samples behind y_k, A the area of a cell. The second sum compares the densities m/A of neighbouring
-cells: cells that no sample determines get the density of their neighbours. The problem is convex (non-negative least
-squares). It is reduced once to a triangular system, so that every other right side costs little.
+y_k is a mean of n_k samples of the output, and bottom the output with all relays off. on_k,cell is the share of the
+relays of a cell that are on, m the mass and A the area of a cell. λ is the weight of the prior. The second sum compares
+the densities m/A of two neighbouring cells: cells that no sample determines get the density of their neighbours. The
+problem is convex (non-negative least squares). It is reduced once to a triangular system, so that another output y on
+the same path costs little.
 """
 
 from __future__ import annotations
@@ -25,9 +27,9 @@ _ITERATIONS = 30  # of the non-negative least squares, for each cell
 
 
 def grid_of(record: Record, thresholds: int) -> PlaneGrid:
-    """Return a grid of `thresholds` up-thresholds and as many down-thresholds, where the output of a record changes.
+    """Return a grid with `thresholds` up-thresholds and as many down-thresholds for a plane that is fitted to `record`.
 
-    Between two thresholds the output changes by equal amounts.
+    The output of the record changes by equal amounts between two thresholds.
     """
     up, down = (_quantiles(record, thresholds, rising=rising) for rising in (True, False))
     return PlaneGrid(up, down, in_plane(up, down))

@@ -22,7 +22,10 @@ _BRIDGED = 20.0  # % of the output span that a branch may move between two neigh
 
 
 def misses_record(rms_percent: float) -> tuple[str, ...]:
-    """Return a caveat when the model reproduces its own record badly."""
+    """Return a caveat when the model reproduces its own record badly, otherwise an empty tuple.
+
+    `rms_percent` is the RMS error of the model, % of the output span.
+    """
     if rms_percent <= _POOR:
         return ()
     missed = f"the model misses its own record by {rms_percent:.1f} % RMS of the output span; usual are 1 to 2 %"
@@ -48,7 +51,10 @@ def bridges_gaps(model: HysteresisModel, record: Record) -> tuple[str, ...]:
 
 
 def undetermined(branch: str, mixture: GaussianMixture, errors: MixtureErrors) -> tuple[str, ...]:
-    """Return a caveat when the weight of a Gaussian is less than twice its standard error."""
+    """Return a caveat when the weight of a Gaussian is less than twice its standard error, otherwise an empty tuple.
+
+    `mixture` is the branch with the name `branch`, and `errors` are the standard errors of its parameters.
+    """
     count = len(mixture.weights)
     weight, error = min(zip(mixture.weights, errors.weights, strict=True), key=lambda one: one[0] / max(one[1], 1e-12))
     if weight >= 2 * error:

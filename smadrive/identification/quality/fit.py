@@ -27,10 +27,12 @@ ModelT = TypeVar("ModelT", bound="HysteresisModel")
 class Fit(Generic[ModelT]):
     """An identified model and its metrics.
 
-    path       input of the record without false reversals
-    predicted  output of the model on this path, from `y0`
-    residual   predicted - measured, one per sample, in the unit of y
-    caveats    reasons to distrust the model, one sentence each
+    path         input of the record without false reversals, (samples,)
+    predicted    output of the model on this path, (samples,), simulated from `y0`
+    residual     predicted - measured output, (samples,), in the unit of y
+    output_span  highest - lowest measured output
+    certificate  proven properties of the model
+    caveats      reasons to distrust the model, one sentence each
     """
 
     model: ModelT
@@ -58,7 +60,7 @@ class Fit(Generic[ModelT]):
 
     @property
     def metrics(self) -> dict[str, float]:
-        """`rms_percent` and `max_percent` by name, for the file of a wire."""
+        """The values of `rms_percent` and `max_percent` by their names, as they are stored in the file of a wire."""
         return {"rms_percent": self.rms_percent, "max_percent": self.max_percent}
 
     @property
@@ -73,7 +75,7 @@ def rms_percent(residual: FloatArray, span: float) -> float:
 
 
 def judge(model: ModelT, record: Record, y0: float) -> Fit[ModelT]:
-    """Simulate `model` along the path of `record` from output `y0`, and return the model with its metrics.
+    """Simulate `model` along the input path of `record` from the output `y0`, and return the model with its metrics.
 
     IdentificationError when the model explains less than half of the output's variance.
     """

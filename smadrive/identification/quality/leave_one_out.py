@@ -9,9 +9,9 @@ the ties of the rules to the prior, and J_i is its row of sample i. Without samp
 This happens with free rules on steep, sparsely sampled parts of a loop.
 
 Noise and gaps both raise the error of a sample that the fit did not use. For a fit to every other sample (hold_out.py),
-the usual bound of this error is 1.2 times the training error: its variance is larger by 0.44. If such a fit also leaves
-out one of its own samples, the gap around this sample is twice as wide, and the excess of the variance at least
-doubles. So the bound here is (1 + 2 · 0.44)^½ = 1.37.
+the usual bound of this error is 1.2 times the training error: its variance is larger by 0.44. If a fit to every other
+sample also leaves out one of its own samples, the gap around this sample is twice as wide, and the excess of the
+variance at least doubles. So the bound here is (1 + 2 · 0.44)^½ = 1.37.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ _REGULAR = 1e-10  # relative to the diagonal of JᵀJ
 def leave_one_out_ratio(residuals: FloatArray, jacobian: FloatArray, samples: int, scatter: float) -> float:
     """Return the leave-one-out error divided by the training error, both RMS.
 
-    `residuals` (rows,) and `jacobian` (rows, free variables) are taken at the minimum; the first `samples` rows belong
-    to the cells of the record. A cell is the mean of neighbouring samples; `scatter` is the sum of squares of the
-    samples about these means, which no model can explain.
+    `residuals` (rows,) and `jacobian` (rows, free variables) are taken at the minimum of a fit. The first `samples`
+    rows belong to the cells of the record, the other rows to the prior. A cell is the mean of neighbouring samples.
+    `scatter` is the sum of squares of the samples about these means, which no model can explain.
     """
     error = residuals[:samples]
     left_out = error / np.maximum(1 - leverages(jacobian, samples), _LEAST_FREEDOM)
@@ -41,7 +41,11 @@ def leave_one_out_ratio(residuals: FloatArray, jacobian: FloatArray, samples: in
 
 
 def leverages(jacobian: FloatArray, samples: int) -> FloatArray:
-    """Return the leverages h of the first `samples` rows, shape (samples,)."""
+    """Return the leverages of the first `samples` rows of `jacobian`, shape (samples,).
+
+    The leverage of a row tells how much the fit follows this row alone, from 0 to 1. `jacobian` (rows, free variables)
+    is taken at the minimum of a fit.
+    """
     hessian = jacobian.T @ jacobian
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     rows = jacobian[:samples] / scale

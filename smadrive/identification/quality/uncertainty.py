@@ -2,10 +2,10 @@
 
     cov θ = G C Gᵀ        C = s² (JᵀJ)⁺        s² = |r|²/(n - p) · (1 + ρ)/(1 - ρ)
 
-J = ∂r/∂x is the Jacobian at the minimum, and G = ∂θ/∂x leads from the variables x of the fit to the parameters θ. There
-are n samples and p variables. No model is exact, so neighbouring residuals are correlated. With the correlation ρ, n
-samples contain as much information as n (1 - ρ)/(1 + ρ) independent samples. The pseudo-inverse leaves out directions
-of x that do not change the residuals.
+θ are the parameters, x the p variables of the fit, and r the residuals of the n samples. J = ∂r/∂x is the Jacobian at
+the minimum, G = ∂θ/∂x, C the covariance of x, and s² the variance of a residual. No model is exact, so neighbouring
+residuals are correlated. With the correlation ρ, n samples contain as much information as n (1 - ρ)/(1 + ρ) independent
+samples. The pseudo-inverse ⁺ leaves out directions of x that do not change the residuals.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class MixtureErrors:
 
 @dataclass(frozen=True, slots=True)
 class DuhemErrors:
-    """Standard errors of the parameters of a Duhem model, named and shaped like the parameters themselves."""
+    """Standard errors of a Duhem model; each field is named like the parameter of the model to which it belongs."""
 
     heating: MixtureErrors
     cooling: MixtureErrors
@@ -39,9 +39,12 @@ class DuhemErrors:
 
 
 def standard_errors(jacobian: FloatArray, parameter_slopes: FloatArray, residual: FloatArray) -> FloatArray:
-    """Return the standard errors of θ, shape (parameters,).
+    """Return the standard errors of the parameters of a fit, shape (parameters,).
 
-    `jacobian` J is (rows, p), `parameter_slopes` G is (parameters, p), `residual` is (samples,) in the order of time.
+    `jacobian` (rows, variables) holds the derivatives of the residuals with respect to the variables of the fit. A row
+    may stand for several samples if it is weighted with the square root of their number. `parameter_slopes`
+    (parameters, variables) holds the derivatives of the parameters with respect to the variables. `residual` (samples,)
+    has the unit of the rows, in the order of time.
     """
     scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-300))
     inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale), rcond=_RANK, hermitian=True)

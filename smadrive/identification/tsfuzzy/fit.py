@@ -1,14 +1,15 @@
 """Identification of a T-S fuzzy Duhem model by its simulated output.
 
-The unknowns are the rates p, q ≥ 0 of every rule (see sensitivity.py), the centres of the sets, scale, offset and first
-state. A major loop alone does not determine both a and b, and a fit of free rules then finds rules with which two
-states move apart. Here every trial model contracts and is bounded by construction. The slopes of its branches have the
-right sign over the whole range (see monotone.py), unless the wire itself reverses (see record_reversal.py).
+The unknowns are two rates p, q ≥ 0 of every rule (see sensitivity.py), the centres of the sets, scale, offset and first
+state. A major loop alone does not determine both consequents a and b of a rule, and a fit of free rules then finds
+rules with which two states move apart. Here every trial model contracts and is bounded by construction. The slopes of
+its branches have the right sign over the whole range (see monotone.py), unless the wire itself reverses (see
+record_reversal.py).
 
 Where the record has no samples, the rules stay near the local laws of a Duhem fit. A tie pulls each rule towards the
 Duhem fit with the weight of about one measured sample. The tie becomes tighter if leave-one-out shows that the rules
-follow single samples (see leave_one_out.py). The fit minimises the error of the simulated output with exact
-derivatives, and starts from several placements of the centres.
+follow single samples (see quality/leave_one_out.py). The fit minimises the error of the simulated output with exact
+derivatives. It starts from several placements of the centres.
 """
 
 from __future__ import annotations
@@ -63,10 +64,10 @@ def identify_tsfuzzy(
     """Fit a T-S fuzzy Duhem model with two rules per set to a record, and return the model with its metrics.
 
     v and y are input and output of one wire, both (samples,); the record should contain inner loops. `sets` is the
-    number of triangular sets, or their centres; with `fit_centres` the fit may move the centres. `dead_band` is the
-    radius of the reversal filter in the unit of v; without it the radius follows from the noise of v. The caveats of
-    the result are reasons to distrust the model. DataError for samples that cannot be used, and IdentificationError
-    when the record does not determine a loop or the sets are unusable.
+    number of triangular sets, or their centres. With `fit_centres` the fit may move the centres. `dead_band` is the
+    radius of the reversal filter in the unit of v; without `dead_band` the radius follows from the noise of v.
+    DataError for samples that cannot be used, and IdentificationError when the record does not determine a loop or when
+    the sets are unusable.
     """
     record = prepare(v, y, dead_band)
     model, y0 = fit_rules(record, sets, fit_centres=fit_centres)

@@ -1,16 +1,15 @@
 """Slopes of the right sign, which a unique inverse needs: derivatives for the fit, and the correction of its result.
 
-The slope is dw/dv. It is affine in w and follows from the rates p and q of the rules (see sensitivity.py). H is the
-heating branch of the major loop, C its cooling branch. The slope has the right sign everywhere between the branches if
-it has the right sign on the opposite branch:
+The state w has two rates p, q ≥ 0 (see sensitivity.py): dw/dv = p(v)(1 - w) - q(v) w on heating, and minus this on
+cooling. H is the heating branch of the major loop, C its cooling branch. The slope is affine in w. So it has the right
+sign everywhere between the branches if it has the right sign on the opposite branch:
 
-    heating:  p(v) - (p + q)(v) C(v) ≥ 0           cooling:  q(v) - (p + q)(v) (1 - H(v)) ≥ 0
+    heating:  p(v) - (p(v) + q(v)) C(v) ≥ 0           cooling:  q(v) - (p(v) + q(v)) (1 - H(v)) ≥ 0
 
-that is, the equilibria S on heating and R on cooling fulfil S ≥ C and R ≤ H. The loop is the closed loop over the whole
-range, even if the record does not cover this range; a full sweep up and down maps the closed loop onto itself. A wire
-with inner loops that stay flat after a reversal cannot fulfil this condition. Then the slopes have the right sign only
-to a `depth` of the loop: 1 means the whole loop, 0 only the branches, with
-H + depth (C - H) in place of C and C - depth (C - H) in place of H.
+The loop is the closed loop over the whole range, even if the record does not cover this range; a full sweep up and down
+ends where it began. A wire with inner loops that stay flat after a reversal cannot fulfil this condition. Then the
+slopes have the right sign only to a `depth` of the loop: 1 means the whole loop, 0 only the branches. H + depth (C - H)
+replaces C, and C - depth (C - H) replaces H.
 
 The fit penalises slopes of the wrong sign. `monotone` removes the remaining wrong slopes from the result of the fit: it
 makes q of the heating rules and p of the cooling rules smaller.
@@ -32,12 +31,12 @@ _MARGIN = 3e-3  # rates shrink by this share more than needed, so that they need
 
 
 class Loop(NamedTuple):
-    """The closed loop of trial rules.
+    """The closed major loop of trial rules, at the nodes of their tables; a full sweep up and down ends where it began.
 
-    heating, cooling         the branches at the nodes, (nodes,)
+    heating, cooling         the state on both branches, (nodes,)
     crossed                  True at nodes where the heating branch is above the cooling branch, (nodes,)
     rise_decay, fall_decay   share of a deviation at the start of a sweep up or down that is left at the nodes, (nodes,)
-    bottom, top              the states at the ends of the range
+    bottom, top              the states at the lower and at the upper end of the range
     """
 
     heating: FloatArray
@@ -50,7 +49,7 @@ class Loop(NamedTuple):
 
     @property
     def width(self) -> FloatArray:
-        """Absolute distance of the branches: the branches of a trial model may cross."""
+        """Absolute distance of the two branches, (nodes,)."""
         return np.abs(self.cooling - self.heating)
 
     def highest(self, depth: float) -> FloatArray:
@@ -63,7 +62,7 @@ class Loop(NamedTuple):
 
 
 def closed_loop(tables: RuleTables) -> Loop:
-    """Return the closed loop of trial rules at the nodes of their tables."""
+    """Return the closed major loop of the trial rules in `tables`."""
     up, down = tables.up, tables.down
     rise, fall = np.exp(up.exponent), np.exp(down.exponent - down.exponent[-1])
     bottom = (down.target[0] + (up.target[-1] - 1) * fall[0]) / (1 - rise[-1] * fall[0])
@@ -73,7 +72,7 @@ def closed_loop(tables: RuleTables) -> Loop:
 
 
 def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
-    """Return the smallest slope at each node, shape (2, nodes): first row heating, second row cooling.
+    """Return the smallest slope dw/dv at each node, shape (2, nodes): first row heating, second row cooling.
 
     The minimum is taken over the states from a branch to the share `depth` of the way to the opposite branch.
     """
@@ -88,9 +87,9 @@ def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
 
 
 def least_slope_derivatives(tables: RuleTables, depth: float) -> FloatArray:
-    """Return the derivatives of `least_slopes` with respect to the fields of RuleRates.
+    """Return the derivatives of `least_slopes` with respect to the rates and centres of the rules.
 
-    The derivatives have the shape (2, nodes, 5 · sets).
+    The shape is (2, nodes, 5 · sets); the last axis has the order of the fields of RuleRates.
     """
     loop, mu, sets = closed_loop(tables), tables.at_nodes, len(tables.rates.centres)
     d_heating, d_cooling = _branch_derivatives(tables, loop)
@@ -130,10 +129,11 @@ def _branch_derivatives(tables: RuleTables, loop: Loop) -> tuple[FloatArray, Flo
 
 
 def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals = NOWHERE) -> TSFuzzyDuhem:
-    """Return `model` with slopes of the right sign to this `depth` of the loop.
+    """Return `model` with its rules changed so that the slope dw/dv is not negative.
 
-    q of the heating rules and p of the cooling rules are reduced no more than needed. Rules that are active where the
-    wire itself reverses stay as they are.
+    This holds from each branch to the share `depth` of the way to the opposite branch: depth 1 is the whole loop. The
+    rates q of the heating rules and p of the cooling rules are reduced as little as possible. Rules that are active
+    where the wire itself reverses (`reversals`) stay as they are.
     """
     p_heating, q_heating = model.heating_law[1], -model.heating_law[0] - model.heating_law[1]
     p_cooling, q_cooling = -model.cooling_law[1], model.cooling_law[0] + model.cooling_law[1]

@@ -26,7 +26,11 @@ _TIE_FLOOR = 2e-6  # tie to the Duhem fit for a record without noise, in output 
 
 
 class Prior:
-    """The rates p and q of a Duhem model, tabulated over v. Their unit is 1/(input span)."""
+    """The rates of a Duhem fit, tabulated over the input v: the rules stay near them where samples are missing.
+
+    There are four rates, all in 1/(input span): p (towards w = 1) and q (towards w = 0) of heating, then of cooling.
+    `weight` is the weight of the tie between the rules and these rates.
+    """
 
     def __init__(self, fit: Fit[DuhemModel], record: Record) -> None:
         lower, upper = record.input_range
@@ -45,28 +49,29 @@ class Prior:
         self.weight = max(record.noise, _TIE_MISFIT * fit.rms_percent / 100, _TIE_FLOOR)
 
     def tied(self, factor: float) -> Self:
-        """Return the same prior with a tie that is `factor` times as tight."""
+        """Return a copy whose tie between the rules and these rates has `factor` times the weight."""
         closer = copy(self)
         closer.weight = factor * self.weight
         return closer
 
     def at(self, centres: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the rates at the centres, and their derivatives with respect to v, both of shape (4, sets)."""
+        """Return the four rates at the centres of the sets, and their derivatives with respect to v, both (4, sets)."""
         return _interpolate(centres, self.grid, self.rates), _interpolate(centres, self.grid, self._slopes)
 
     def reach(self, centres: FloatArray) -> FloatArray:
-        """Return for each rate the difference that costs as much as one sample whose error is the noise.
+        """Return the difference from these rates that costs as much as one sample whose error is the noise.
 
-        The result has the shape (4 · sets,).
+        The result has the shape (4 · sets,): one difference for each rate of each rule with these `centres`.
         """
         pairs = _interpolate(centres, self.grid, self.rates).reshape(2, 2, -1)
         return np.ravel(np.repeat(_STRAY * pairs.sum(axis=1) + _STRAY_LEAST, 2, axis=0))
 
     def slope_tie(self, v: FloatArray) -> FloatArray:
-        """Return the weights of slopes of the wrong sign at the inputs v, shape (2, len(v)).
+        """Return the weights with which the fit penalises slopes of the wrong sign at the inputs v, shape (2, len(v)).
 
-        The weights equal the weights of the rates, and are larger near saturation. There the state hardly moves, so a
-        slope of the wrong sign hardly changes the misfit, but it can stop an inverse.
+        The first row belongs to heating, the second row to cooling. The weights equal the weights of the rates, but are
+        larger near saturation. There the state hardly moves, so a slope of the wrong sign hardly changes the misfit,
+        but it can stop an inverse.
         """
         pairs = _interpolate(v, self.grid, self.rates).reshape(2, 2, -1)
         far = np.array([self.model.cooling.cdf(v), self.model.heating.cdf(v)])

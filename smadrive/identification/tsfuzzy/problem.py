@@ -1,8 +1,8 @@
 """The least-squares problem behind identify_tsfuzzy: unknowns, residuals and their exact derivatives.
 
-x: see unknowns.py
-r = (error of the simulated output; differences of the rates from the Duhem fit; differences of the gaps
-     between the centres from the gaps at the start; slopes of the wrong sign)
+`unknowns.py` describes the vector x of the unknowns. The residuals r(x) are, in this order: the errors of the simulated
+output; the differences of the rates from the Duhem fit; the differences of the gaps between the centres from the gaps
+at the start; the slopes of the wrong sign.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ class _Trial(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RuleProblem:
-    """Bounded least squares over x.
+    """The bounded least-squares problem of the rules of a T-S fuzzy Duhem model, for one record.
 
-    `monotony` scales the weight of slopes of the wrong sign; with 0 these slopes are allowed. `depth` is the depth of
-    the loop to which slopes are examined, see monotone.py.
+    `start` is the vector of the unknowns with which the search begins. `monotony` scales the penalty for slopes of the
+    wrong sign; with 0 these slopes are allowed. The penalty acts from the branches to the share `depth` of the loop.
     """
 
     record: Record
@@ -69,7 +69,7 @@ class RuleProblem:
 
     @classmethod
     def near(cls, record: Record, prior: Prior, centres: FloatArray, fit_centres: bool) -> RuleProblem:
-        """Return the problem that starts from the laws of the Duhem fit at `centres`."""
+        """Return the problem that starts from the rates of the Duhem fit in `prior`, at `centres`."""
         model, (lower, upper) = prior.model, record.input_range
         first = np.clip((record.mean_y[0] - model.offset) / model.scale, 0.0, 1.0)
         tail = [model.offset / record.output_span, (model.offset + model.scale) / record.output_span, float(first)]
@@ -88,14 +88,15 @@ class RuleProblem:
 
     @property
     def unknowns(self) -> Unknowns:
-        """The positions of the unknowns in x, as slices."""
+        """The positions of the unknowns in the vector x, as slices."""
         sets = len(self.centres)
         return Unknowns(sets, sets + 1 if self.fit_centres else 0)
 
     def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the centres, and their derivatives with respect to the logits of the gaps between centres.
+        """Return the centres of the sets (sets,) for the unknowns x, and their derivatives (sets, gaps).
 
-        The derivatives have the shape (sets, gaps).
+        The derivatives are taken with respect to the logits of the gaps: x holds one logit for each gap between two
+        centres or at an end of the range, and their softmax gives the gaps. Fixed centres have no gaps.
         """
         unknowns = self.unknowns
         if not self.fit_centres:
@@ -125,7 +126,11 @@ class RuleProblem:
         return x[self.unknowns.rates].reshape(4, -1) / (upper - lower)
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """Return the residuals r(x), in the order of the head of this file."""
+        """Return the residuals of the unknowns x, (rows,).
+
+        The first rows are the errors of the output at the cells of the record. The next rows are the differences of the
+        rates from the Duhem fit and of the gaps from their start. The last rows are the slopes of the wrong sign.
+        """
         record, unknowns = self.record, self.unknowns
         _, _, tables, w = self._trial(x)
         output = x[BOTTOM] + (x[TOP] - x[BOTTOM]) * w
@@ -138,12 +143,12 @@ class RuleProblem:
         return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift, (weight * wrong).ravel()])
 
     def misfit(self, x: FloatArray) -> float:
-        """Return the RMS of the output error, as a share of the output span."""
+        """Return the RMS error of the output that follows from the unknowns x, as a share of the output span."""
         error = self.residuals(x)[: len(self.record.v)]
         return float(np.sqrt(error @ error / self.record.count.sum()))
 
     def leave_one_out_ratio(self, x: FloatArray) -> float:
-        """Return the leave-one-out error divided by the training error at the minimum x; see leave_one_out.py."""
+        """Return the leave-one-out error divided by the training error, at the minimum x."""
         rates, (low, _) = self.unknowns.rates, self._bounds()
         free = np.ones(len(x), dtype=bool)
         free[rates] = x[rates] > low[rates]
@@ -161,7 +166,7 @@ class RuleProblem:
         return missing, np.where((missing > 0) & ~self.reversals.at(tables.nodes), weight, 0.0)
 
     def jacobian(self, x: FloatArray) -> Iterator[FloatArray]:
-        """Yield ∂r/∂x in blocks of rows."""
+        """Yield the derivatives of the residuals with respect to the unknowns x, in blocks of rows."""
         yield from self._error_derivatives(x).blocks()
         yield self._stray_derivatives(x)
         if self.monotony:
@@ -202,7 +207,10 @@ class RuleProblem:
         return rows
 
     def solve(self, start: FloatArray, iterations: int, tolerance: float) -> Minimum:
-        """Return the minimum found from `start` within the bounds of x; see `minimise`."""
+        """Return the minimum that the search from `start` finds within the bounds of the unknowns.
+
+        The search ends after `iterations` steps, or when a step lowers the cost by less than the share `tolerance`.
+        """
         bounds = self._bounds()
         return minimise(self.residuals, self.jacobian, start, bounds, iterations=iterations, tolerance=tolerance)
 
@@ -226,13 +234,13 @@ class RuleProblem:
         return [bottom[0], top[0], 0.0], [bottom[1], top[1], 1.0]
 
     def model(self, x: FloatArray) -> TSFuzzyDuhem:
-        """Return the model of the unknowns x."""
+        """Return the T-S fuzzy Duhem model that the unknowns x describe."""
         sets, record = TriangularSets(tuple(self.place(x)[0].tolist())), self.record
         scale, offset = float(x[TOP] - x[BOTTOM]) * record.output_span, float(x[BOTTOM]) * record.output_span
         return TSFuzzyDuhem.from_laws(sets, *laws_of(*self._rates(x)), scale, offset, record.input_range)
 
     def first_output(self, x: FloatArray) -> float:
-        """Return the output at the first sample, in the unit of y."""
+        """Return the output at the first sample, computed from the unknowns x, in the unit of y."""
         return float(x[BOTTOM] + (x[TOP] - x[BOTTOM]) * x[FIRST_STATE]) * self.record.output_span
 
 

@@ -27,13 +27,16 @@ MATERIAL = 0.005
 
 @dataclass(frozen=True, slots=True)
 class RecordReversals:
-    """Stretches (from, to) of the input where the output reverses, on heating and on cooling."""
+    """Ranges of the input in which the output of a record reverses although the input does not.
+
+    `heating` and `cooling` hold one pair (from, to) for each range, in the unit of the input.
+    """
 
     heating: tuple[tuple[float, float], ...] = ()
     cooling: tuple[tuple[float, float], ...] = ()
 
     def at(self, v: FloatArray) -> Mask:
-        """Return a mask of shape (2, len(v)) that is True where the output reverses.
+        """Return a mask of shape (2, len(v)) that is True at the inputs v at which the output reverses.
 
         The first row belongs to heating, the second row to cooling.
         """
@@ -49,7 +52,10 @@ NOWHERE = RecordReversals()
 
 
 def find_record_reversals(record: Record) -> RecordReversals:
-    """Return the stretches of `record` where the output reverses; NOWHERE if noise explains these reversals."""
+    """Return the ranges of the input in which the output of `record` reverses although the input does not.
+
+    The result is empty (NOWHERE) if noise explains these reversals.
+    """
     rises = bool(np.corrcoef(record.v, record.mean_y)[0, 1] > 0)
     material = float(np.hypot(MATERIAL, record.noise))
     squares = 0.0

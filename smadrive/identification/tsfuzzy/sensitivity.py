@@ -4,10 +4,11 @@ Rules with triangular sets are described by two non-negative rates, p towards w 
 
     heating:  dw/dv =   p(v)(1 - w) - q(v) w        cooling:  dw/dv = -(p(v)(1 - w) - q(v) w)        p = Σ μ_i p_i, ...
 
-The model contracts if p + q > 0, and it is bounded because the rates are not negative. A derivative z = ∂w/∂θ obeys the
-same linear ODE with the drive f = ∂(dw/dv)/∂θ. Moving a centre c_i changes a piecewise linear law by
-∂p/∂c_i = -p'(v) μ_i(v). With the closed form w = P + (w0 - P0) exp(Λ - Λ0) of branch.py, the derivatives at all samples
-follow from tables of ∂P and ∂Λ, which are computed once per iteration.
+v is the input, w the state, and μ_i the membership of the set i with the centre c_i. The model contracts if p + q > 0,
+and it is bounded because the rates are not negative. Let θ be a rate or a centre. The derivative z = ∂w/∂θ obeys the
+same linear ODE as w, with the drive f = ∂(dw/dv)/∂θ. Moving a centre changes a piecewise linear law by ∂p/∂c_i = -p'(v)
+μ_i(v). The closed form of the state is w = P + (w0 - P0) exp(Λ - Λ0), see hysteresis/branch/engine.py. So the
+derivatives at all samples follow from tables of ∂P and ∂Λ, which are computed once per iteration.
 """
 
 from __future__ import annotations
@@ -37,7 +38,10 @@ BINS = 240  # table cells of a trial model
 
 
 class RuleRates(NamedTuple):
-    """The rates p and q of both directions, and the centres; each field has one number per set."""
+    """The rates of the rules and the centres of their sets; each field has one number per set.
+
+    p is the rate towards w = 1 and q the rate towards w = 0, both in 1/(unit of v).
+    """
 
     p_heating: FloatArray
     q_heating: FloatArray
@@ -49,15 +53,19 @@ class RuleRates(NamedTuple):
 def laws_of(
     p_heating: FloatArray, q_heating: FloatArray, p_cooling: FloatArray, q_cooling: FloatArray
 ) -> tuple[Law, Law]:
-    """Return the consequents (a, b) of the heating rules and of the cooling rules with these rates."""
+    """Return the consequents (a, b) of the heating rules and of the cooling rules with these rates.
+
+    A rule is dw/dv = a w + b. The rates p (towards w = 1) and q (towards w = 0), a and b have one number per set.
+    """
     return (-(p_heating + q_heating), p_heating), (p_cooling + q_cooling, -p_cooling)
 
 
 class Runs:
-    """The monotone sections of a path `v`.
+    """The monotone sections of an input path `v` (samples,).
 
-    `starts` and `ends` are the first and the last sample of each section. For each step between two samples, `rising`
-    is True if the input rises, and `run` is the number of the section.
+    `starts` and `ends` are the indices of the first and the last sample of each section. `rising` and `run` have one
+    value for each step between two samples: `rising` is True if the input rises, and `run` is the number of the
+    section.
     """
 
     def __init__(self, v: FloatArray) -> None:
@@ -70,9 +78,10 @@ class Runs:
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """The derivatives of P (`target`) and of Λ (`exponent`) of one branch at the nodes, both (nodes, 5 · sets).
+    """The derivatives of one branch with respect to the rules, at the nodes; both fields are (nodes, 5 · sets).
 
-    P is the particular solution, Λ the integral of the rate a. The columns are the fields of RuleRates in their order.
+    The law of the branch is dw/dv = a w + b. `target` belongs to its tabulated particular solution, `exponent` to the
+    integral of a. The columns have the order of the fields of RuleRates.
     """
 
     target: FloatArray
@@ -80,7 +89,7 @@ class Sensitivity:
 
 
 class RuleTables:
-    """The branch engine of trial rules over [lower, upper], and its derivatives with respect to the rules."""
+    """Tables of trial rules over the input range [lower, upper], with derivatives with respect to the rules."""
 
     def __init__(self, rates: RuleRates, lower: float, upper: float) -> None:
         self.rates = rates
@@ -113,7 +122,7 @@ class RuleTables:
 
     @property
     def rates_at_nodes(self) -> list[FloatArray]:
-        """The four blended rates at the nodes, in the order of RuleRates."""
+        """The rates p, q of heating and p, q of cooling at the nodes, blended from all rules: four times (nodes,)."""
         return [self.at_nodes @ rate for rate in self.rates[:4]]
 
     @property
@@ -122,14 +131,14 @@ class RuleTables:
         return [self._slopes(rate, self.nodes) for rate in self.rates[:4]]
 
     def states(self, runs: Runs, w_start: float) -> FloatArray:
-        """Return the state w at every sample, from w_start at the first sample."""
+        """Return the state w at every sample of the path `runs`, (samples,). The first state is `w_start`."""
         return self.engine.trajectory(runs.v, w_start)
 
     def jacobian(self, runs: Runs, w: FloatArray) -> InterpolationMatrix:
-        """Return the derivatives ∂w of the state at every sample, shape (samples, 5 · sets + 1).
+        """Return the derivatives of the state at every sample of `runs`, shape (samples, 5 · sets + 1).
 
-        The columns belong to the fields of RuleRates in their order, and the last column to the first state. `w` are
-        the states at the samples. Within a section of `runs`,
+        `w` (samples,) are the states. The columns have the order of the fields of RuleRates; the last column belongs to
+        the first state. P is the tabulated solution, Λ its exponent. Within a section of `runs`,
 
             ∂w = ∂P + D e ∂Λ + D (∂e₀ - e ∂Λ₀)        e = w₀ - P₀,  D the decay of e since the start of the section
 
