@@ -63,7 +63,7 @@ class TSFuzzyPreisach(HysteresisModel):
 
     @property
     def rules(self) -> tuple[Rule | MemoryRule, ...]:
-        """All rules that have an effect: those of x unless `share` is 1, then those of p with a consequent above 0."""
+        """All rules with an effect: the T-S fuzzy Duhem rules unless `share` is 1, then the rules of the plane."""
         return (self.local.rules if self._rest else ()) + self.plane.rules
 
     def rules_text(self) -> str:

@@ -59,9 +59,9 @@ class _Plane:
 
 
 def plane_alone(record: Record, sets: int, duhem: DuhemModel) -> tuple[Model, float]:
-    """Return a Preisach plane with `sets` thresholds on each axis, and its output at the first sample.
+    """Return a Preisach plane that is fitted to `record`, and the output of this model at the first sample.
 
-    The share of the rules in the model is 0; they are those of `duhem`.
+    The plane has `sets` thresholds on each axis. The model also holds rules, those of `duhem`, but their share is 0.
     """
     plane = _Plane(record, sets)
     bottom, masses = plane.problem.with_bottom(plane.sign * record.mean_y)
@@ -72,10 +72,11 @@ def plane_alone(record: Record, sets: int, duhem: DuhemModel) -> tuple[Model, fl
 
 
 def rules_and_plane(record: Record, sets: int, duhem: DuhemModel, fit_rules: FitRules) -> tuple[Model, float]:
-    """Return rules and a plane in parallel, and their output at the first sample.
+    """Return rules and a Preisach plane in parallel, fitted to `record`, and the model's output at the first sample.
 
-    The search for the part of the rules starts from the parameters of `duhem`, a model with one component. If one of
-    the parts is negligible, the model is the other part alone.
+    The plane has `sets` thresholds on each axis. `duhem` has one Gaussian per branch, and the search for the part of
+    the rules starts from its parameters. `fit_rules` fits the rules. If the rules or the plane turn out negligible, the
+    model is the other part alone.
     """
     coarse = _Plane(record, min(sets, COARSE))
     sign, span = coarse.sign, record.output_span

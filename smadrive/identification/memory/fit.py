@@ -143,10 +143,12 @@ def loops_of(record: Record) -> np.ndarray:
 def choose(
     record: Record, sets: int, fit_rules: FitRules, rules: tuple[TSFuzzyDuhem, float]
 ) -> tuple[Model, float, MemoryChoice]:
-    """Return the model that loops held out prefer, its output at the first sample, and how it was chosen.
+    """Return the model that predicts held-out loops best, its output at the first sample, and the choice.
 
-    `sets` is the number of sets of the last turning point for the candidates with memory. `rules` is what `fit_rules`
-    returned for the whole record.
+    The candidates are rules, a Preisach plane, and both in parallel. A candidate with memory must be clearly better
+    than the rules, and both in parallel must be clearly better than the plane. `sets` is the number of sets of the last
+    turning point of the candidates with memory. `fit_rules` fits the rules, and `rules` is its result for the whole
+    record.
     """
     fit_plane, fit_both = _candidates(record, sets, fit_rules)
     without, plane = _held_out(record, fit_rules), _held_out(record, fit_plane)
@@ -162,7 +164,12 @@ def choose(
 
 
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
-    """Return the better of the two candidates with memory on the record itself, with `sets` turning-point sets."""
+    """Return a fitted model with memory, its output at the first sample, and the choice.
+
+    The model is a Preisach plane alone. It is rules and a plane in parallel if these fit the record clearly better, and
+    if heating curves of the record begin inside the loop. `sets` is the number of sets of the last turning point;
+    `fit_rules` fits the rules.
+    """
     fits = [fit(record) for fit in _candidates(record, sets, fit_rules)]
     plane, both = (record.misfit(*fit) for fit in fits)
     model, y0 = fits[1 if _shows_heating_inside(record) and both < _BOTH_PAY * plane else 0]

@@ -52,9 +52,11 @@ def _quantiles(record: Record, thresholds: int, *, rising: bool) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class PlaneProblem:
-    """The reduced problem: `rows` (samples and pairs, cells and the bottom) with the triangular factor R of its QR.
+    """The least-squares fit of the masses of a plane for one path, with the triangular factor of its QR decomposition.
 
-    The first rows are the samples, each times its weight √n_k (`weights`, (samples,)); the last are the prior.
+    `rows` (samples and pairs, cells and the bottom) is the matrix of the problem: first one row per sample, times its
+    weight, then one row per pair of neighbouring cells, which is the prior. `triangular` is its factor R. `weights`
+    (samples,) are the square roots of the number of samples in each mean.
     """
 
     rows: FloatArray
@@ -63,30 +65,44 @@ class PlaneProblem:
 
     @classmethod
     def of(cls, shares_on: FloatArray, weights: FloatArray, grid: PlaneGrid, smoothness: float) -> PlaneProblem:
-        """Return the problem for the path with `shares_on` (samples, cells), and the square roots of n_k, `weights`."""
+        """Return the problem for a path on which the share `shares_on` (samples, cells) of the relays is on.
+
+        `weights` (samples,) are the square roots of the number of samples in each mean. `smoothness` is the weight of
+        the prior, which compares neighbouring cells of `grid`.
+        """
         pairs = smoothness * np.sqrt(weights @ weights) * _neighbours(grid)
         samples = np.column_stack([shares_on, np.ones(len(shares_on))]) * weights[:, None]
         rows = np.vstack([samples, np.pad(pairs, ((0, 0), (0, 1)))])
         return cls(rows, np.asarray(np.linalg.qr(rows, mode="r")), weights)
 
     def masses(self, output: FloatArray) -> FloatArray:
-        """Return the masses of the cells that explain `output` (samples,) best, with the bottom 0."""
+        """Return the masses of the cells (cells,), none negative, that explain `output` (samples,) best.
+
+        The bottom, which is the output with all relays off, is 0.
+        """
         return _non_negative(self.triangular[:-1, :-1], self._projected(output)[:-1])
 
     def with_bottom(self, output: FloatArray) -> tuple[float, FloatArray]:
-        """Return the bottom and the masses that explain `output` (samples,) best. The bottom is the output at p = 0."""
+        """Return the bottom and the masses (cells,) that together explain `output` (samples,) best.
+
+        The bottom is the output with all relays off.
+        """
         signed = np.column_stack([self.triangular, -self.triangular[:, -1]])
         found = _non_negative(signed, self._projected(output))
         return float(found[-2] - found[-1]), found[:-2]
 
     def residuals(self, output: FloatArray, masses: FloatArray) -> FloatArray:
-        """Return the weighted residuals of samples and prior, (samples and pairs,)."""
+        """Return the weighted residuals of `output` (samples,) with these `masses`, then those of the prior.
+
+        The shape is (samples and pairs,); a pair is two neighbouring cells.
+        """
         return self._padded(output) - self.rows[:, :-1] @ masses
 
     def unexplained(self, changes: FloatArray, active: np.ndarray) -> FloatArray:
-        """Return the part of `changes` (samples, unknowns) of the output that the `active` masses cannot explain.
+        """Return the part of `changes` of the output that no change of the `active` masses can explain.
 
-        The shape is (samples and pairs, unknowns).
+        `changes` has the shape (samples, unknowns), the mask `active` (cells,), and the result (samples and pairs,
+        unknowns).
         """
         rows, padded = self.rows[:, :-1][:, active], self._padded(changes)
         factor = np.asarray(np.linalg.qr(self.triangular[:-1, :-1][:, active], mode="r"))
