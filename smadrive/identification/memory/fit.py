@@ -5,13 +5,16 @@ and each time another third of the loops is held out. These loops keep their pla
 the state of the wire depends on the whole path, but their outputs are hidden from the fit. Memory must reduce the error
 on these loops clearly, because a plane has hundreds of masses; and both parts together must be clearly better than the
 plane alone. The chosen candidate is then fitted to the whole record.
+
+A one-sided record has no heating curve that begins inside the loop. On it the plane needs less evidence, because
+measured wires nearly return to their turning points (return-point memory, Mayergoyz 1986).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from math import inf, nan, sqrt
+from math import nan, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,9 +44,8 @@ Candidate = Callable[[Record], tuple[Model, float]]
 """A function that fits a candidate to a record. It returns the model with its output at the first sample."""
 
 _MEMORY_PAYS = 0.8  # largest held-out error with memory, as a share of that without
-_ONE_SIDED_PAYS = 1.0  # the same, where no heating curve begins inside the loop: neither model is tested there
-_HOPELESS = 2.0  # a plane alone whose held-out error is so many times that of the rules is no part of the wire
-_BOTH_PAY = 0.8  # largest error of rules and plane, as a share of that of the plane alone
+_BOTH_PAY = 0.7  # largest held-out error of rules and plane, as a share of that of the plane alone
+_ONE_SIDED_PAYS = 2.5  # largest held-out error with memory on a one-sided record, as a share of that without
 _INSIDE = 0.1  # of the output span: a heating curve that begins further from the cold end begins inside the loop
 _ONE_SIDED = (
     "every heating curve of the record begins at the cold end, so the model assumes that the wire returns to all its "
@@ -92,10 +94,11 @@ def _chosen(record: Record, fit_these: FitRules) -> tuple[Model, float, MemoryCh
     """Return the rules alone if they explain the record; otherwise the model that held-out loops prefer."""
     rules = fit_these(record)
     misfit = 100 * record.misfit(*rules)
-    if misfit <= max(NOTHING_LEFT, 100 * record.noise):
-        return *rules, MemoryChoice(1, nan, nan)
+    explained = misfit <= max(NOTHING_LEFT, 100 * record.noise)
     if loops_of(record)[-1] + 1 < LEAST_LOOPS:
-        return *rules, MemoryChoice(1, nan, nan, (_too_few_loops(record, misfit),))
+        return *rules, MemoryChoice(1, nan, nan, () if explained else (_too_few_loops(record, misfit),))
+    if explained and _shows_heating_inside(record):
+        return *rules, MemoryChoice(1, nan, nan)
     return choose(record, MOST_TURNING_POINT_SETS, fit_these, rules)
 
 
@@ -150,30 +153,35 @@ def choose(
     turning point of the candidates with memory. `fit_rules` fits the rules, and `rules` is its result for the whole
     record.
     """
-    fit_plane, fit_both = _candidates(record, sets, fit_rules)
-    without, plane = _held_out(record, fit_rules), _held_out(record, fit_plane)
-    if plane > _HOPELESS * without:
-        return *rules, MemoryChoice(1, plane, without)
-    inside = _shows_heating_inside(record)
-    both = _held_out(record, fit_both) if inside else inf
-    fit, best = (fit_both, both) if both < _BOTH_PAY * plane else (fit_plane, plane)
-    if best >= (_MEMORY_PAYS if inside else _ONE_SIDED_PAYS) * without:
-        return *rules, MemoryChoice(1, best, without)
+    fit, held_out, doubts = _with_memory(record, sets, fit_rules)
+    without = _held_out(record, fit_rules)
+    if held_out >= (_ONE_SIDED_PAYS if doubts else _MEMORY_PAYS) * without:
+        return *rules, MemoryChoice(1, held_out, without)
     model, y0 = fit(record)
-    return model, y0, MemoryChoice(_sets_of(model, sets), best, without, () if inside else (_ONE_SIDED,))
+    return model, y0, MemoryChoice(_sets_of(model, sets), held_out, without, doubts)
 
 
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
-    """Return a fitted model with memory, its output at the first sample, and the choice.
+    """Return the model with memory that predicts held-out loops best, its output at the first sample, and the choice.
 
-    The model is a Preisach plane alone. It is rules and a plane in parallel if these fit the record clearly better, and
-    if heating curves of the record begin inside the loop. `sets` is the number of sets of the last turning point;
-    `fit_rules` fits the rules.
+    `sets` is the number of sets of the last turning point; `fit_rules` fits the rules.
     """
-    fits = [fit(record) for fit in _candidates(record, sets, fit_rules)]
-    plane, both = (record.misfit(*fit) for fit in fits)
-    model, y0 = fits[1 if _shows_heating_inside(record) and both < _BOTH_PAY * plane else 0]
-    return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan)
+    fit, _, doubts = _with_memory(record, sets, fit_rules)
+    model, y0 = fit(record)
+    return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan, doubts)
+
+
+def _with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Candidate, float, tuple[str, ...]]:
+    """Return the better candidate with memory, its held-out error in % of the output span, and doubts about it.
+
+    On a one-sided record the candidate is the plane alone.
+    """
+    fit_plane, fit_both = _candidates(record, sets, fit_rules)
+    plane = _held_out(record, fit_plane)
+    if not _shows_heating_inside(record):
+        return fit_plane, plane, (_ONE_SIDED,)
+    both = _held_out(record, fit_both)
+    return (fit_both, both, ()) if both < _BOTH_PAY * plane else (fit_plane, plane, ())
 
 
 def _sets_of(model: Model, sets: int) -> int:
@@ -184,8 +192,8 @@ def _sets_of(model: Model, sets: int) -> int:
 def _shows_heating_inside(record: Record) -> bool:
     """Return True if a heating curve of the record begins inside the loop.
 
-    If every heating curve begins at the cold end, a plane alone explains nearly every record. The record then cannot
-    tell how its output divides between rules and plane.
+    If every heating curve begins at the cold end, the record is one-sided. Rules and a plane whose two thresholds are
+    independent then predict the same falling curves, so the record cannot tell how its output divides between them.
     """
     rises, cold_y = np.diff(record.v) > 0, record.mean_y[np.argmin(record.v)]
     begins = np.flatnonzero(rises[1:] & ~rises[:-1]) + 1
