@@ -3,8 +3,8 @@
 There are three candidates: rules without memory, a Preisach plane alone, and both in parallel. Each is fitted twice,
 and each time another third of the loops is held out. These loops keep their places in the path of the input, because
 the state of the wire depends on the whole path, but their outputs are hidden from the fit. Memory must reduce the error
-on these loops clearly, because a plane has hundreds of masses; and both parts together must be clearly better than the
-plane alone. The chosen candidate is then fitted to the whole record.
+on these loops clearly, because a plane has hundreds of masses. Both parts together must also explain the whole record
+much better than the plane alone: on few loops they can take the place of each other.
 
 A one-sided record has no heating curve that begins inside the loop. On it the plane needs less evidence, because
 measured wires nearly return to their turning points (return-point memory, Mayergoyz 1986).
@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from math import nan, sqrt
 from typing import TYPE_CHECKING
 
@@ -44,7 +45,8 @@ Candidate = Callable[[Record], tuple[Model, float]]
 """A function that fits a candidate to a record. It returns the model with its output at the first sample."""
 
 _MEMORY_PAYS = 0.8  # largest held-out error with memory, as a share of that without
-_BOTH_PAY = 0.7  # largest held-out error of rules and plane, as a share of that of the plane alone
+_BOTH_FIT = 0.6  # largest error of rules and plane on the whole record, as a share of that of the plane alone
+_BOTH_PREDICT = 0.9  # largest held-out error of rules and plane, as a share of that of the plane alone
 _ONE_SIDED_PAYS = 2.5  # largest held-out error with memory on a one-sided record, as a share of that without
 _INSIDE = 0.1  # of the output span: a heating curve that begins further from the cold end begins inside the loop
 _ONE_SIDED = (
@@ -153,35 +155,39 @@ def choose(
     turning point of the candidates with memory. `fit_rules` fits the rules, and `rules` is its result for the whole
     record.
     """
-    fit, held_out, doubts = _with_memory(record, sets, fit_rules)
+    (model, y0), held_out, doubts = _with_memory(record, sets, fit_rules)
     without = _held_out(record, fit_rules)
     if held_out >= (_ONE_SIDED_PAYS if doubts else _MEMORY_PAYS) * without:
         return *rules, MemoryChoice(1, held_out, without)
-    model, y0 = fit(record)
     return model, y0, MemoryChoice(_sets_of(model, sets), held_out, without, doubts)
 
 
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
-    """Return the model with memory that predicts held-out loops best, its output at the first sample, and the choice.
+    """Return the better model with memory, its output at the first sample, and the choice.
 
     `sets` is the number of sets of the last turning point; `fit_rules` fits the rules.
     """
-    fit, _, doubts = _with_memory(record, sets, fit_rules)
-    model, y0 = fit(record)
+    (model, y0), _, doubts = _with_memory(record, sets, fit_rules)
     return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan, doubts)
 
 
-def _with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Candidate, float, tuple[str, ...]]:
-    """Return the better candidate with memory, its held-out error in % of the output span, and doubts about it.
+def _with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[tuple[Model, float], float, tuple[str, ...]]:
+    """Return the better candidate with memory, fitted, its held-out error in % of the output span, and doubts about it.
 
-    On a one-sided record the candidate is the plane alone.
+    On a one-sided record the better candidate is the plane alone.
     """
-    fit_plane, fit_both = _candidates(record, sets, fit_rules)
-    plane = _held_out(record, fit_plane)
+    duhem = fit_duhem(record, components=1).model
+    fit_plane = partial(plane_alone, sets=sets, duhem=duhem)
+    fit_both = partial(rules_and_plane, sets=sets, duhem=duhem, fit_rules=fit_rules)
+    plane, held_out = fit_plane(record), _held_out(record, fit_plane)
     if not _shows_heating_inside(record):
-        return fit_plane, plane, (_ONE_SIDED,)
-    both = _held_out(record, fit_both)
-    return (fit_both, both, ()) if both < _BOTH_PAY * plane else (fit_plane, plane, ())
+        return plane, held_out, (_ONE_SIDED,)
+    both = fit_both(record)
+    if record.misfit(*both) < _BOTH_FIT * record.misfit(*plane):
+        both_held_out = _held_out(record, fit_both)
+        if both_held_out < _BOTH_PREDICT * held_out:
+            return both, both_held_out, ()
+    return plane, held_out, ()
 
 
 def _sets_of(model: Model, sets: int) -> int:
@@ -198,15 +204,6 @@ def _shows_heating_inside(record: Record) -> bool:
     rises, cold_y = np.diff(record.v) > 0, record.mean_y[np.argmin(record.v)]
     begins = np.flatnonzero(rises[1:] & ~rises[:-1]) + 1
     return bool((np.abs(record.mean_y[begins] - cold_y) > _INSIDE * record.output_span).any())
-
-
-def _candidates(record: Record, sets: int, rules: FitRules) -> tuple[Candidate, Candidate]:
-    """Return the two candidates with memory: the plane alone, and rules and plane."""
-    duhem = fit_duhem(record, components=1).model
-    return (
-        lambda record: plane_alone(record, sets, duhem),
-        lambda record: rules_and_plane(record, sets, duhem, rules),
-    )
 
 
 def _held_out(record: Record, fit: Candidate) -> float:
