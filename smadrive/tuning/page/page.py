@@ -96,6 +96,7 @@ class Page:
             self._plots.show_state(rows)
         if status["tuning"] != self._shown:
             self._show_model(status["tuning"])
+        self._plots.show_turning_points((status["turning_points"] or {}).get("temperatures_c", []))
         self._show_knobs(status["tuning"])
         self._controls.enable(controls, status=status)
         show_text(

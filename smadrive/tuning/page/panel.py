@@ -45,15 +45,21 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
     mode, limits = status["mode"], status["limited_by"]
     tuning = status["tuning"]
     certified = f"contracting, {tuning['invertible_percent']:.1f} % invertible"
+    memory = status["turning_points"]
     return "".join(
         [
             _chip("heater", mode, _MODES.get(mode, "on")),
             _chip("limited by", ", ".join(limits) or "nothing", "warn" if limits else "calm"),
             _chip("model", f"{tuning['change']} · {certified}", "warn" if tuning["caveats"] else "calm"),
+            *([_dropped_chip(memory)] if memory and memory["dropped"] else []),
             _chip("loop", timing, "warn" if late else "calm"),
             _chip("this page", "controls" if controls else "watches", "on" if controls else "off"),
         ]
     )
+
+
+def _dropped_chip(memory: dict[str, Any]) -> str:
+    return _chip("memory", f"full: {memory['dropped']} turning points of the smallest loops dropped", "warn")
 
 
 def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:

@@ -65,4 +65,5 @@ class SessionState:
 
     def publish(self, *, adapts: bool) -> None:
         """Publish the status to the pages."""
-        self.channel.publish(self.status.document(self.mode, self.tunings, adapts=adapts))
+        memory = None if self.live is None else self.live.memory
+        self.channel.publish(self.status.document(self.mode, self.tunings, memory, adapts=adapts))

@@ -6,6 +6,7 @@ from collections import deque
 from typing import Any
 
 from smadrive.errors import TripError
+from smadrive.hysteresis.turning_points import Memory
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
@@ -83,8 +84,8 @@ class Status:
         self.fault_s = time_s
         self.add_event(time_s, self.fault)
 
-    def document(self, mode: Mode, tunings: Tunings, *, adapts: bool) -> dict[str, Any]:
-        """Return the status as values that JSON can hold."""
+    def document(self, mode: Mode, tunings: Tunings, memory: Memory | None, *, adapts: bool) -> dict[str, Any]:
+        """Return the status as values that JSON can hold. `memory` is the estimated memory of the wire, if any."""
         measurement = self.measurement
         return {
             **self._fixed,
@@ -102,6 +103,7 @@ class Status:
             "redo": tunings.history.redo_name,
             "comparison": _comparison(tunings.comparison),
             "adapts": adapts,
+            "turning_points": None if memory is None else _turning_points(memory),
             "events": list(self.events),
         }
 
@@ -121,6 +123,10 @@ class Status:
             }
             self._described = tuning, document
         return self._described[1]
+
+
+def _turning_points(memory: Memory) -> dict[str, Any]:
+    return {"temperatures_c": [round(turn, 2) for turn in memory.turns], "dropped": memory.dropped}
 
 
 def _comparison(comparison: Comparison) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
 
 import numpy as np
@@ -40,6 +41,7 @@ class Plots(TimePlots):
         self._branches = ColumnDataSource({"v": [], "heating": [], "cooling": []})
         self._loop = ColumnDataSource({"v": [], "y": []})
         self._state = ColumnDataSource({"v": [], "y": []})
+        self._turning_points = ColumnDataSource({"v": [], "y": []})
         self._rules = ColumnDataSource({"set": [], "strength": [], "colour": []})
         self._plane_c = Range1d(15.0, 1.02 * temperature_max_c)
         self._drawn_to = np.full(2, np.nan)
@@ -56,6 +58,7 @@ class Plots(TimePlots):
     def show_model(self, model: IdentifiedModel, travel_mm: tuple[float, float]) -> None:
         """Draw the branches of a new model, and fit the displacement axes to `travel_mm`, the ends of its travel."""
         self._model, self._travel_mm = model, travel_mm
+        self._turning_points.data = {"v": [], "y": []}
         v = np.linspace(*model.input_range, BRANCH_POINTS)
         branches = [model.offset + model.scale * model.branch(v, rising=rising) for rising in (True, False)]
         self._branches.data = {"v": v, "heating": branches[0], "cooling": branches[1]}
@@ -116,6 +119,13 @@ class Plots(TimePlots):
             strengths = rules.sets.weights(np.array([wire_c]))[0]
             self._rules.data = {"set": centres, "strength": strengths, "colour": [colour] * len(centres)}
 
+    def show_turning_points(self, temperatures_c: Sequence[float]) -> None:
+        """Mark the turning points that the wire remembers, the oldest first. `show_model` must have been called."""
+        assert self._model is not None
+        if temperatures_c != self._turning_points.data["v"]:
+            y = self._model.simulate(temperatures_c).tolist() if len(temperatures_c) else []
+            self._turning_points.data = {"v": list(temperatures_c), "y": y}
+
     def _draw_loop(self, path: Rows) -> None:
         """Continue the measured loop along `path`, which has the shape (rows, 2). Unknown points leave a gap."""
         reach = np.array([axis.end - axis.start for axis in (self._plane_c, self._plane_mm)])
@@ -141,6 +151,7 @@ class Plots(TimePlots):
         plot.line("v", "heating", source=self._branches, color=HEATING, line_width=2, alpha=0.75)
         plot.line("v", "cooling", source=self._branches, color=COOLING, line_width=2, alpha=0.75)
         plot.line("v", "y", source=self._loop, color=MEASURED, line_width=1.3)
+        plot.scatter("v", "y", source=self._turning_points, marker="square", size=7, fill_alpha=0.0, color=ESTIMATED)
         plot.scatter("v", "y", source=self._state, size=11, color=ESTIMATED, line_color="white", line_width=1.5)
         return plot
 

@@ -8,6 +8,7 @@ from math import inf
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.references.reference import Reference
+from smadrive.hysteresis.turning_points import Memory
 from smadrive.measurement import Measurement
 
 
@@ -32,6 +33,12 @@ class SwappableController:
     def setpoint_mm(self) -> float:
         """The present value of the reference, in mm."""
         return self.reference.value_mm(self.reference_s)
+
+    @property
+    def memory(self) -> Memory | None:
+        """The estimated memory of the wire; None before the first update, and for a model without memory."""
+        state = self._controller.state
+        return None if state is None else state.estimate.hysteresis.memory
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Call `at_tick`, and return the command of the controller for this measurement."""

@@ -128,6 +128,16 @@ def test_error_axis_follows_the_errors_in_the_window_alone(plots):
     assert plots._error_range.end < 2.0
 
 
+def test_turning_points_are_marked_on_the_loop_of_the_model(plots):
+    model = true_wire()
+    plots.show_turning_points([20.0, 95.0, 70.0])
+    marked = plots._turning_points.data
+    assert list(marked["v"]) == [20.0, 95.0, 70.0]
+    assert marked["y"] == pytest.approx(model.simulate([20.0, 95.0, 70.0]))
+    plots.show_model(model, (0.0, 12.0))
+    assert not len(plots._turning_points.data["v"])
+
+
 def test_setpoint_and_measured_are_drawn_above_estimated(plots):
     for name in ("displacement", "temperature"):
         plot = next(figure for figure in plots.figures if figure.name == name)

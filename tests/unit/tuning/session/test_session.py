@@ -5,6 +5,8 @@ import pytest
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
+from smadrive.hysteresis import PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
+from smadrive.hysteresis.memory.plane import in_plane
 from tests.unit.tuning.conftest import NONE_A, currents, error_mm
 
 
@@ -23,6 +25,27 @@ def test_armed_session_follows_a_reference_repeatedly(rig):
     assert rig.status["mode"] == "tracking"
     assert np.abs(error_mm(rig.between(60.0, 139.0))).max() < 0.03 * 12.0
     assert np.ptp([tick.command.setpoint_mm for tick in rig.between(100.0, 139.0)]) == pytest.approx(7.0, abs=0.1)
+
+
+def test_turning_points_of_a_wire_with_memory_are_published(rig):
+    """The cold end; then the wire rises, turns at the top of the sine, and falls."""
+    wire, thresholds = rig.model, np.linspace(40.0, 110.0, 30)
+    rules = TSFuzzyDuhem.from_duhem(wire, TriangularSets(tuple(np.linspace(40.0, 120.0, 11))))
+    cells = in_plane(thresholds, thresholds)
+    rig.model = TSFuzzyPreisach(rules, PreisachPlane(thresholds, thresholds, cells / cells.sum()), 0.1)
+    rig.at(1.0, "arm")
+    rig.at(2.0, "track", reference="sine")
+    rig.run(until_s=20.0)
+    rising = rig.status["turning_points"]
+    rig.run(until_s=80.0)
+    assert (rising["dropped"], rising["temperatures_c"][0]) == (0, wire.input_range[0])
+    assert len(rig.status["turning_points"]["temperatures_c"]) >= 2
+
+
+def test_a_wire_without_memory_has_no_turning_points(rig):
+    rig.at(1.0, "arm")
+    rig.run(until_s=3.0)
+    assert rig.status["turning_points"] is None
 
 
 @pytest.mark.parametrize("seed", range(4))
