@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from types import NoneType
 from typing import Any, TypeVar
@@ -10,9 +9,10 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from smadrive.errors import ConfigError
+from smadrive.files.config_problems import config_problems
 from smadrive.files.kinds import check_regular
 from smadrive.files.number_text import shortened
-from smadrive.files.spelling import missing_file_cure, suggestion_or_list
+from smadrive.files.spelling import missing_file_cure
 from smadrive.files.toml import parse_toml
 from smadrive.files.toml_mistakes import TomlMistakeError
 
@@ -38,7 +38,9 @@ class Section(BaseModel):
         for name, field in cls.model_fields.items() if isinstance(values, dict) else ():
             allowed = set(getattr(field.annotation, "__args__", (field.annotation,)))
             if allowed <= {int, float, NoneType} and isinstance(values.get(name), str | bool):
-                raise ValueError(f"{name} = {shortened(values[name])}: put a number there, without quotes")
+                given = values[name]
+                text = str(given).lower() if isinstance(given, bool) else shortened(given)
+                raise ValueError(f"{name} = {text}: put a number there, without quotes")
             if isinstance(values.get(name), int) and abs(values[name]) >= MOST_WHOLE:
                 raise ValueError(f"{name} = {shortened(values[name])}: the number needs more than 64 bits")
         return values
@@ -83,48 +85,4 @@ def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT
     try:
         return kind.model_validate(tables)
     except ValidationError as error:
-        raise ConfigError(_summary([dict(problem) for problem in error.errors()], kind), where=where) from None
-
-
-def _summary(problems: list[dict[str, Any]], kind: type[BaseModel]) -> str:
-    """Describe the problems in one line; keys with the same problem are named together."""
-    named = [problem for problem in problems if problem["type"] == "extra_forbidden"] or problems[:1]
-    places: dict[str, list[str]] = {}
-    for problem in named:
-        places.setdefault(_message(problem, kind), []).append(_place(problem))
-    summary = "; ".join(f"{', '.join(keys)}: {message}" for message, keys in places.items())
-    return summary + (f" (and {len(problems) - len(named)} more)" if len(problems) > len(named) else "")
-
-
-def _place(problem: dict[str, Any]) -> str:
-    return ".".join(str(part) for part in problem["loc"]) or "the file"
-
-
-def _message(problem: dict[str, Any], kind: type[BaseModel]) -> str:
-    if problem["type"] == "extra_forbidden":
-        *path, key = problem["loc"]
-        return f"unknown key; {suggestion_or_list(str(key), _known_keys(kind, path))}"
-    if problem["type"] == "missing":
-        return "is missing"
-    message = str(problem["msg"]).removeprefix("Value error, ")
-    value = problem["input"]
-    return message if isinstance(value, dict) else f"{message} (it is {shortened(value)})"
-
-
-def _known_keys(kind: type[BaseModel], path: Iterable[Any]) -> set[str]:
-    """Return the keys allowed at `path` below the section `kind`, found from the annotations of the fields."""
-    models = [kind]
-    for part in path:
-        models = [inner for model in models for inner in _models_below(model, part)] or models
-    return {field.alias or name for model in models for name, field in model.model_fields.items()}
-
-
-def _models_below(model: type[BaseModel], part: Any) -> list[type[BaseModel]]:
-    field = model.model_fields.get(part) if isinstance(part, str) else None
-    return [] if field is None else _models_in(field.annotation)
-
-
-def _models_in(annotation: Any) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for part in getattr(annotation, "__args__", ()) for model in _models_in(part)]
+        raise ConfigError(config_problems([dict(problem) for problem in error.errors()], kind), where=where) from None

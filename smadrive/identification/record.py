@@ -17,6 +17,9 @@ from smadrive.hysteresis.reversal import check_radius, monotone_runs
 from smadrive.numerics.arrays import FloatArray, paired_vectors
 
 _CELLS = 150  # number of cells over the input span; the samples of a cell are averaged
+FEWEST_SAMPLES = 3
+"""The input of a loop rises and falls, so a record has at least this number of samples."""
+
 _NOISE_BAND = 4.0  # radius of the dead band, in standard deviations of the input noise
 _WIDEST_BAND = 0.025  # largest radius, share of the input span: coarse sampling must not count as noise
 _LEAST_COVERAGE = 0.6  # share of the input span that the record covers in each direction
@@ -84,6 +87,9 @@ def prepare(v: ArrayLike, y: ArrayLike, dead_band: float | None) -> Record:
     IdentificationError for a record without a full loop.
     """
     inputs, outputs = paired_vectors(v, y)
+    if len(inputs) < FEWEST_SAMPLES:
+        cure = "record at least one full loop"
+        raise IdentificationError("too few samples", where="record", value=len(inputs), limit=FEWEST_SAMPLES, cure=cure)
     span, output_span = float(np.ptp(inputs)), float(np.ptp(outputs))
     if span == 0:
         raise IdentificationError("is constant", where="input", value=inputs[0], cure="record at least one full loop")

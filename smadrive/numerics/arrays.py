@@ -31,18 +31,23 @@ def finite_array(name: str, values: ArrayLike) -> FloatArray:
     if bad.any():
         first = tuple(int(i) for i in np.argwhere(bad)[0])
         cure = f"remove or correct the samples that are not finite: {int(bad.sum())} in all"
-        raise DataError("not finite", where=f"{name}: sample {first[0]}", value=array[first], cure=cure)
+        raise DataError("not finite", where=f"{name}: index {first[0]}", value=array[first], cure=cure)
     return array
 
 
-def paired_vectors(v: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Return inputs `v` and outputs `y` as two finite vectors of equal length. Raises DataError for other samples."""
-    inputs, outputs = finite_array("input v", v), finite_array("output y", y)
+def paired_vectors(
+    v: ArrayLike, y: ArrayLike, names: tuple[str, str] = ("input v", "output y")
+) -> tuple[FloatArray, FloatArray]:
+    """Return inputs `v` and outputs `y` as two finite vectors of equal length.
+
+    DataError for other samples; the error uses the two `names`.
+    """
+    inputs, outputs = (finite_array(name, values) for name, values in zip(names, (v, y), strict=True))
+    where = f"{names[0]} and {names[1]}"
     if inputs.ndim != 1 or outputs.ndim != 1:
-        shapes, cure = (inputs.shape, outputs.shape), "pass 1-D arrays of one wire"
-        raise DataError("not 1-D", where="v and y", value=shapes, cure=cure)
+        shapes, cure = f"{inputs.shape} and {outputs.shape}", "pass 1-D arrays of one wire"
+        raise DataError("not 1-D", where=where, value=shapes, cure=cure)
     if len(inputs) != len(outputs):
-        lengths = len(inputs), len(outputs)
-        cure = "pass one output for each input"
-        raise DataError("different numbers of samples", where="v and y", value=lengths, cure=cure)
+        lengths, cure = f"{len(inputs)} and {len(outputs)}", f"pass one {names[1]} for each {names[0]}"
+        raise DataError("different numbers of samples", where=where, value=lengths, cure=cure)
     return inputs, outputs

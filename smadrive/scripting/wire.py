@@ -71,7 +71,7 @@ def identify(
 
     `input` and `output` choose other columns of a CSV file or a table. A table is any object with columns by name, such
     as a DataFrame, a dict or an xarray.Dataset. `kind` is "tsfuzzy" or "duhem", `sets` the number of fuzzy sets of a
-    T-S fuzzy model, by default 11. `memory` is the number of sets of the last turning point, from 3 to 40; 1 is no
+    T-S fuzzy model, by default 11. `memory` is the number of sets of the last turning point, from 4 to 40; 1 is no
     memory. By default loops of the record that are held out of the fit decide.
 
     ConfigError for an option that the kind or the record does not have. DataError for a record that cannot be used,
@@ -118,7 +118,7 @@ def _check_options(kind: object, sets: object, memory: object, columns: tuple[ob
 def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], settings: FitSettings) -> tuple[RecordFit, str]:
     """Return the fit, and the name of its record."""
     if displacement_mm is not None:
-        v, y = paired_vectors(data, displacement_mm)
+        v, y = paired_vectors(data, displacement_mm, ("temperature_c", "displacement_mm"))
         return fit_columns(v, y, columns, settings), ""
     if isinstance(data, Run):
         check_log_columns(data.log_file, columns)
@@ -126,7 +126,7 @@ def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], settings:
     if isinstance(data, str | os.PathLike):
         return fit_file(Path(data), columns, settings), str(data)
     if hasattr(data, "keys") and hasattr(data, "__getitem__"):
-        v, y = paired_vectors(*(_column(data, name) for name in columns))
+        v, y = paired_vectors(_column(data, columns[0]), _column(data, columns[1]), columns)
         return fit_columns(v, y, columns, settings), ""
     cure = "pass a run, the path of a log or CSV file, a table with columns by name, or two arrays"
     raise ConfigError("no record", where="data", value=type(data).__qualname__, cure=cure)

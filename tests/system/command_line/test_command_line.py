@@ -320,7 +320,7 @@ WRONG = [
     ("milliamperes", ("probe", "milli.toml"), 2, "limits.current_max_a is far above"),
     ("a decimal comma", ("probe", "comma.toml"), 2, "line 4: a number has a decimal comma (20,0). Write 20.0."),
     ("a missing quote", ("probe", "unquoted.toml"), 2, 'a quote is missing (wire = "flexinol-lt-0.15mm). Put the te'),
-    ("a wire in metres", ("probe", "metres.toml"), 2, "diameter_mm: Input should be greater than or equal to 0.01"),
+    ("a wire in metres", ("probe", "metres.toml"), 2, "is not allowed; write 0.01 or more"),
     ("a number in quotes", ("probe", "quoted.toml"), 2, "limits: current_max_a = '0.6': put a number there, without"),
     ("a model that is a log", (*RUN, "--model", "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: is a log, and a mod"),
     ("a model that is a rig", (*RUN, "--model", "rig.toml", "--reference", ANY_SINE), 2, "rig.toml: is a rig file, a"),

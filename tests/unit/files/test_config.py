@@ -1,9 +1,10 @@
 """Every error in a config file is one line that names file, key and cure."""
 
 import os
+from typing import Literal
 
 import pytest
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from smadrive.errors import ConfigError
 from smadrive.files.config import Section, load_config, read_toml
@@ -44,7 +45,7 @@ def test_valid_file_loads_and_is_immutable(tmp_path):
         ('nme = "x"\nprats = 1', ("nme: ", "'name'", "prats: ", "'parts'")),
         ('name = "x"\n[[parts]]\ncurrent_max_a = "much"', ("parts.0: current_max_a = 'much'",)),
         ('name = "x"\n[[parts]]\ncurrent_max_a = "0.15"', ("parts.0: current_max_a = '0.15'", "without quotes")),
-        ('name = "x"\n[[parts]]\ncurrent_max_a = true', ("current_max_a = True",)),
+        ('name = "x"\n[[parts]]\ncurrent_max_a = true', ("current_max_a = true",)),
         ('name = "x"\n[[parts]]\ncurrent_max_a = nan', ("parts.0.current_max_a: ", "nan")),
         ("name = ", ("TOML",)),
         ("name = " + "[\n" * 10_000, ("nested",)),
@@ -97,3 +98,30 @@ def test_file_out_of_bounds_is_rejected_at_once(tmp_path, text):
 def test_path_with_a_null_character_is_rejected(tmp_path):
     with pytest.raises(ConfigError):
         read_toml(tmp_path / "a\0b.toml")
+
+
+class Bounded(Section):
+    current_max_a: float = Field(gt=0)
+    rate_hz: int = Field(ge=1, le=100)
+    plan: Literal["nested", "forc"]
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ('current_max_a = -0.6\nrate_hz = 20\nplan = "forc"', ("current_max_a", "-0.6", "greater than 0")),
+        ('current_max_a = nan\nrate_hz = 20\nplan = "forc"', ("current_max_a", "nan", "finite")),
+        ('current_max_a = 0.6\nrate_hz = 0\nplan = "forc"', ("rate_hz", "0", "1 or more")),
+        ('current_max_a = 0.6\nrate_hz = 300\nplan = "forc"', ("rate_hz", "300", "100 or less")),
+        ('current_max_a = 0.6\nrate_hz = 1.5\nplan = "forc"', ("rate_hz", "1.5", "whole number")),
+        ('current_max_a = 0.6\nrate_hz = 20\nplan = "fork"', ("plan", "fork", "'nested' or 'forc'")),
+        ("rate_hz = 20", ("current_max_a, plan", "missing", "smadrive list")),
+    ],
+)
+def test_wrong_value_is_named_with_its_limit_and_the_cure(tmp_path, text, named):
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as refused:
+        load_config(path, Bounded)
+    assert all(part in str(refused.value) for part in named)
+    assert "Input should" not in str(refused.value)

@@ -53,7 +53,7 @@ def test_setpoints_that_are_not_finite_are_rejected(model):
     assert error.value.where == "output setpoint"
     with pytest.raises(DataError) as error:
         inverse.trajectory([0.0, np.inf], 0.0)
-    assert error.value.where == "reference y_ref: sample 1"
+    assert error.value.where == "reference y_ref: index 1"
     with pytest.raises(DataError) as error:
         inverse.trajectory(np.zeros((3, 2)), 0.0)
     assert error.value.value == (3, 2)

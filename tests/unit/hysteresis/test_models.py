@@ -115,7 +115,7 @@ def test_certificates():
 @pytest.mark.parametrize(
     ("action", "where"),
     [
-        (lambda model: model.simulate([0.0, np.nan]), "input v: sample 1"),
+        (lambda model: model.simulate([0.0, np.nan]), "input v: index 1"),
         (lambda model: model.simulate(["cold", "hot"]), "input v"),
         (lambda model: model.simulate([]), "input v"),
         (lambda model: model.simulate(np.zeros((4, 2)), [1, 2, 3]), "y0"),

@@ -112,14 +112,14 @@ def loop():
 @pytest.mark.parametrize(
     ("spoil", "error", "where"),
     [
-        (lambda v, y: (v[:-1], y), DataError, "v and y"),
-        (lambda v, y: (np.where(np.arange(600) == 7, np.nan, v), y), DataError, "input v: sample 7"),
-        (lambda v, y: (v, np.where(np.arange(600) == 9, np.inf, y)), DataError, "output y: sample 9"),
+        (lambda v, y: (v[:-1], y), DataError, "input v and output y"),
+        (lambda v, y: (np.where(np.arange(600) == 7, np.nan, v), y), DataError, "input v: index 7"),
+        (lambda v, y: (v, np.where(np.arange(600) == 9, np.inf, y)), DataError, "output y: index 9"),
         (lambda v, y: (np.full(600, 50.0), y), IdentificationError, "input"),
         (lambda v, y: (v, np.full(600, 2.0)), IdentificationError, "output"),
         (lambda v, y: (v[:300], y[:300]), IdentificationError, "falling input"),
         (lambda v, y: (v, np.random.default_rng(0).standard_normal(600)), IdentificationError, "output"),
-        (lambda v, y: (np.column_stack([v, v]), y), DataError, "v and y"),
+        (lambda v, y: (np.column_stack([v, v]), y), DataError, "input v and output y"),
     ],
 )
 def test_record_that_determines_no_model_is_rejected(identify, spoil, error, where):
