@@ -19,7 +19,7 @@ from smadrive.tuning.watching import WatchFeed
 def check_bokeh() -> None:
     """Raise ConfigError if bokeh, which builds the pages, is not installed."""
     if importlib.util.find_spec("bokeh") is None:
-        raise ConfigError("the page needs bokeh", cure="install it with .venv/bin/pip install 'smadrive[tune]'")
+        raise ConfigError("the page needs bokeh", cure="install it with pip install 'smadrive[tune]'")
 
 
 def check_real_time(rig: Rig) -> None:
