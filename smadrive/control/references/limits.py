@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from smadrive.errors import DataError
+from smadrive.errors import ConfigError, DataError
 
 WHERE = "reference"
 """The part `where` of the errors about references."""
