@@ -7,13 +7,15 @@ from typing import Annotated
 
 import numpy as np
 import typer
+from numpy.typing import NDArray
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.display.card import count_text
+from smadrive.errors import DataError
 from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table, write_table
 from smadrive.files.kinds import TABLE
-from smadrive.hysteresis import InverseFeedforward, load_model
+from smadrive.hysteresis import HysteresisModel, InverseFeedforward, load_model
 
 
 def main(
@@ -27,7 +29,10 @@ def main(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the input with which MODEL follows the output in CSV. Where MODEL cannot follow, `reachable` is 0."""
+    """Find the input with which MODEL follows the output in CSV. Where MODEL cannot follow, `reachable` is 0.
+
+    An output that MODEL reaches nowhere is an error.
+    """
     output = Output(as_json)
     check_output(output_file, TABLE, model, csv)
     table = read_table(csv)
@@ -35,7 +40,27 @@ def main(
     setpoint = table.column(output_column)
     v0 = loaded.input_range[0] if start is None else start
     result = InverseFeedforward(loaded).trajectory(setpoint, v0)
+    if not result.reachable.any():
+        raise _nothing_in_reach(csv, output_column, setpoint, loaded)
     write_table(output_file, table.cells, {input_column: result.v, "reachable": result.reachable.astype(np.float64)})
     unreachable = int((~result.reachable).sum())
-    output.say(f"{output_file}: {count_text(len(setpoint), 'sample')}, {unreachable} out of reach")
+    output.say(f"{output_file}: {count_text(len(setpoint), 'sample')}, {unreachable} of them out of reach")
     output.result({"samples": len(setpoint), "unreachable": unreachable, "output_file": str(output_file)})
+
+
+def _nothing_in_reach(csv: Path, column: str, setpoint: NDArray[np.float64], model: HysteresisModel) -> DataError:
+    """Return the error for a setpoint of which MODEL reaches no sample."""
+    ends = np.sort(model.simulate(np.array(model.input_range)))
+    return DataError(
+        "the model reaches no value",
+        where=f"{csv}, column '{column}'",
+        value=f"{setpoint.min():g} to {setpoint.max():g}",
+        limit=f"{ends[0]:g} to {ends[1]:g}{_unit(column)}",
+        cure="use the unit in which the model was identified, or choose another column with --output",
+    )
+
+
+def _unit(column: str) -> str:
+    """Return the unit in the name of a column after a space; "" without a known unit."""
+    unit = {"mm": "mm", "c": "°C"}.get(column.rpartition("_")[2])
+    return f" {unit}" if unit else ""

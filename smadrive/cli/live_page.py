@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import sys
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +20,9 @@ from smadrive.tuning.watching import WatchFeed
 def check_bokeh() -> None:
     """Raise ConfigError if bokeh, which builds the pages, is not installed."""
     if importlib.util.find_spec("bokeh") is None:
-        raise ConfigError("the page needs bokeh", cure="install it with .venv/bin/pip install 'smadrive[tune]'")
+        raise ConfigError(
+            "the page needs bokeh", cure=f"install it with `{sys.executable} -m pip install 'smadrive[tune]'`"
+        )
 
 
 def check_real_time(rig: Rig) -> None:

@@ -12,7 +12,7 @@ from smadrive.errors import ConfigError
 from smadrive.files.config_problems import config_problems
 from smadrive.files.kinds import check_regular
 from smadrive.files.number_text import shortened
-from smadrive.files.spelling import missing_file_cure
+from smadrive.files.spelling import NO_TEXT, NO_TEXT_CURE, missing_file_cure
 from smadrive.files.toml import parse_toml
 from smadrive.files.toml_mistakes import TomlMistakeError
 
@@ -59,7 +59,9 @@ def read_toml(path: Path) -> dict[str, Any]:
         return parse_toml(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise ConfigError("no such file", where=path, cure=missing_file_cure(path)) from None
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError:
+        raise ConfigError(NO_TEXT, where=path, cure=NO_TEXT_CURE) from None
+    except OSError as error:
         raise ConfigError(f"cannot be read: {error}", where=path) from None
     except TomlMistakeError as error:
         line, what, value, cure = error.mistake

@@ -18,7 +18,7 @@ from smadrive.errors import DataError
 from smadrive.files.atomic import replacing
 from smadrive.files.kinds import TABLE, check_kind
 from smadrive.files.number_text import parse_number, shortened
-from smadrive.files.spelling import missing_file_cure, suggestion_or_list
+from smadrive.files.spelling import NO_TEXT, NO_TEXT_CURE, missing_file_cure, suggestion_or_list
 
 Array = NDArray[np.float64]
 
@@ -125,6 +125,8 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
             return [(reader.line_num, row) for row in reader if row]
     except FileNotFoundError:
         raise DataError("no such file", where=path, cure=missing_file_cure(path)) from None
+    except UnicodeDecodeError:
+        raise DataError(NO_TEXT, where=path, cure=NO_TEXT_CURE) from None
     except (OSError, ValueError, csv.Error) as error:
         raise DataError(f"cannot be read as CSV: {error}", where=path) from None
 

@@ -45,3 +45,9 @@ def shortened(value: object, most: int = 60) -> str:
     except ValueError:  # a whole number of thousands of digits
         text = f"a {type(value).__name__} of thousands of digits"
     return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def distinct(value: float, other: float) -> str:
+    """Return `value` with three significant digits, or with as many as distinguish it from `other`."""
+    digits = next((n for n in range(3, 17) if f"{value:.{n}g}" != f"{other:.{n}g}"), 17)
+    return f"{value:.{digits}g}" if value != other else f"{value:g}"

@@ -7,6 +7,10 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+NO_TEXT = "is not a text file (UTF-8)"
+NO_TEXT_CURE = "check that it is the file you mean, and save it as plain text in UTF-8"
+"""The error of a file with bytes that are no text, and its cure."""
+
 
 def suggestion(name: str, names: Iterable[str]) -> str:
     """Return the question `did you mean 'x'?`, x being the name nearest to `name`; "" if no name is near."""

@@ -21,6 +21,7 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.latch import TripLatch
 from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import ConfigError, SafetyError
+from smadrive.files.number_text import distinct
 from smadrive.hysteresis import HysteresisModel, IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import Measurement
@@ -201,7 +202,7 @@ class Rig:
             raise ConfigError(
                 "the devices are too slow for rate_hz",
                 where=self._where,
-                value=f"{needed_s:.3f} s per tick",
-                limit=f"{self.period_s:.3f} s",
+                value=f"{distinct(needed_s, self.period_s)} s per tick",
+                limit=f"{distinct(self.period_s, needed_s)} s",
                 cure=f"set rate_hz to {0.8 / needed_s:.2g}",
             )

@@ -7,6 +7,7 @@ from math import inf
 from smadrive.devices.heater import Heater
 from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.errors import ConfigError
+from smadrive.files.number_text import distinct
 from smadrive.hysteresis import HysteresisModel
 from smadrive.rig.config import RigConfig
 from smadrive.rig.plan import STALE_PERIODS
@@ -68,7 +69,7 @@ def _check_thermometer(config: RigConfig, period_s: float, balance: HeatBalance)
         raise ConfigError(
             f"the wire, of time constant {balance.time_constant_s:.2g} s, can overheat between two readings",
             where=f"rig '{config.name}'",
-            value=f"read every {period_s:g} s",
-            limit=f"{most_s:.2g} s",
+            value=f"read every {distinct(period_s, most_s)} s",
+            limit=f"{distinct(most_s, period_s)} s",
             cure="raise the device's rate_hz, or use a faster thermometer",
         )

@@ -20,6 +20,7 @@ SETPOINT = "#1f2933"
 MEASURED = "#1d6fb8"
 ESTIMATED = "#e07b16"
 FAINT = "#a9b4c0"
+RECORD = "#7b8794"
 LIMIT = "#c8323c"
 HEATING, COOLING = "#c8323c", "#1d6fb8"
 

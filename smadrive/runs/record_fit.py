@@ -74,7 +74,7 @@ def fit_log(log: Log, settings: FitSettings) -> RecordFit:
     """Fit heat balance and hysteresis to the log of an excitation."""
     wire = identify_wire(excitation_record(log), nominal_balance(log), settings)
     caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
-    return RecordFit(wire.hysteresis, wire.thermal, caveats, ("wire temperature, °C", "displacement, mm"))
+    return RecordFit(wire.hysteresis, wire.thermal, caveats, ("wire temperature / °C", "displacement / mm"))
 
 
 def fit_columns(

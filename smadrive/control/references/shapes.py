@@ -6,6 +6,7 @@ Each shape is a function of this file. Its keyword arguments are the keys of the
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from inspect import Parameter, signature
 from math import isnan
@@ -19,6 +20,7 @@ from smadrive.control.references.limits import (
     WHERE,
     check_displacement,
     check_length,
+    check_span,
 )
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, DataError
@@ -29,6 +31,10 @@ from smadrive.numerics.scalars import real_number
 
 ROUNDING = 1e-9
 """Allowed relative rounding error when a quotient of keys is compared with a bound or a whole number."""
+
+
+_DECIMAL_COMMA = re.compile(r"(?<==)\s*[+-]?[0-9]+,[0-9]+(?![^,]*=)", re.ASCII)
+"""A number with a decimal comma after `key=`."""
 
 
 def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
@@ -43,6 +49,7 @@ def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
     if make is None:
         what, cure = f"'{shape}' is neither a shape nor a CSV file", suggestion_or_list(shape, SHAPES)
         raise ConfigError(what, where=where, cure=cure)
+    _check_separators(arguments, where)
     given = [(key.strip(), value) for key, _, value in (part.partition("=") for part in arguments.split(",") if part)]
     keys = {name: key for name, key in signature(make).parameters.items() if key.kind is key.KEYWORD_ONLY}
     wrong = _wrong_keys([key for key, _ in given], keys)
@@ -53,6 +60,20 @@ def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
         return make(longest_s, **{key: parse_number(value) for key, value in given})
     except ValueError as error:
         raise ConfigError(str(error), where=where) from None
+
+
+def _check_separators(arguments: str, where: str) -> None:
+    """Raise ConfigError for a semicolon, and for a number with a decimal comma."""
+    if ";" in arguments:
+        cure = (
+            f"write '{arguments.replace(';', ',')}'"
+            if "," not in arguments
+            else "separate keys by commas, and use decimal points"
+        )
+        raise ConfigError("a semicolon separates keys", where=where, value="';'", cure=cure)
+    if comma := _DECIMAL_COMMA.search(arguments):
+        what, cure = "a decimal comma in a number", f"write {comma[0].replace(',', '.')}"
+        raise ConfigError(what, where=where, value=comma[0], cure=cure)
 
 
 def _wrong_keys(given: Sequence[str], keys: Mapping[str, Parameter]) -> str:
@@ -135,9 +156,9 @@ def trapezoid(
 ) -> Reference:
     """Return straight lines between `low_mm` and `high_mm`.
 
-    Each line takes `rise_s`. Each level is held for `dwell_s`.
+    Each line takes `rise_s`. Each level is held for `dwell_s`. With equal levels, the reference holds this level.
     """
-    _check(low_mm=low_mm, high_mm=high_mm, rise_s=rise_s, dwell_s=dwell_s, cycles=cycles)
+    _check(may_hold=True, low_mm=low_mm, high_mm=high_mm, rise_s=rise_s, dwell_s=dwell_s, cycles=cycles)
     _check_pace(2 * cycles * (dwell_s + rise_s) + dwell_s, 2 * cycles, longest_s)
     return _held(_alternating(low_mm, high_mm, cycles), dwell_s, every_s=dwell_s + rise_s)
 
@@ -175,10 +196,11 @@ def _held(levels_mm: FloatArray, hold_s: float, *, every_s: float) -> Reference:
     return Reference.from_samples(times, np.repeat(levels_mm, 2))
 
 
-def _check(**keys: float) -> None:
+def _check(*, may_hold: bool = False, **keys: float) -> None:
     """Raise DataError for an impossible displacement, and ConfigError for any other key that is not positive.
 
-    ConfigError also for a value of another type than a number.
+    ConfigError also for a value of another type than a number, and when `low_mm`
+    is above `high_mm`, or equal to it without `may_hold`.
     """
     for name, given in keys.items():
         value = real_number(given, f"{WHERE}: {name}")
@@ -189,6 +211,8 @@ def _check(**keys: float) -> None:
             check_displacement(name, value)
         elif not value > 0:
             raise ConfigError("not positive", where=f"{WHERE}: {name}", value=value)
+    if not (may_hold and keys["low_mm"] == keys["high_mm"]):
+        check_span(keys["low_mm"], keys["high_mm"])
 
 
 def _multiple(name: str, value: float, *, of: float) -> int:

@@ -17,6 +17,7 @@ from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import shortened
+from smadrive.files.spelling import suggestion
 from smadrive.modbus.framing.framing import RtuFraming, TcpFraming
 from smadrive.modbus.transports.descriptor import DescriptorTransport
 from smadrive.modbus.transports.serial_port import SerialTransport
@@ -27,6 +28,7 @@ MODBUS_TCP_PORT = 502
 MOST_CHARACTERS = 1000
 """Longest URL that is accepted, in characters."""
 
+SCHEMES = ("serial", "tcp", "rtu+tcp")
 _FORMS = "serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port"
 _PARITIES: dict[str, Parity] = {"N": "N", "E": "E", "O": "O"}
 _ALLOWED = {
@@ -68,11 +70,13 @@ def port_of(url: str) -> str:
     Options are removed, and links in a path are resolved. `rtu+tcp` becomes `tcp`, and the host is in lower case
     without a final dot. host_names.py finds the other names of a network port.
 
-    ConfigError when the URL names no port.
+    ConfigError when the URL names no port, or has an unknown scheme.
     """
     parts = _split(url)
     if parts.scheme == "serial":
         return f"serial://{os.path.realpath(_port_path(url, parts))}"
+    if parts.scheme not in SCHEMES:
+        raise _unknown_scheme(url, parts.scheme)
     host, number = _address(url, parts, MODBUS_TCP_PORT if parts.scheme == "tcp" else None)
     return f"tcp://{host.removesuffix('.')}:{number}"
 
@@ -104,7 +108,13 @@ def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTra
             host, port = _address(url, parts, None)
             settings, latency_s = _options(url, parts.query, line, allowed=("baudrate", "latency_ms"))
             return SocketTransport(host, port, RtuFraming(), settings.baudrate, latency_s)
-    raise ConfigError("unknown scheme", where=_named(url), value=shortened(parts.scheme), cure=f"write {_FORMS}")
+    raise _unknown_scheme(url, parts.scheme)
+
+
+def _unknown_scheme(url: str, scheme: str) -> ConfigError:
+    """Return the error for an unknown scheme; its cure names the nearest scheme, and the forms of all schemes."""
+    cure = f"{suggestion(scheme, SCHEMES)} Write {_FORMS}, or sim://NAME in a rig file".strip()
+    return ConfigError("unknown scheme", where=_named(url), value=shortened(scheme), cure=cure)
 
 
 def _split(url: str) -> SplitResult:

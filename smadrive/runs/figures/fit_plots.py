@@ -8,7 +8,7 @@ import numpy as np
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.wire import AnyFit
 from smadrive.runs.figures.log_plots import draw_branches
-from smadrive.runs.plots import COOLING, ESTIMATED, FAINT, HEATING, STYLE, PlotFigure, legend, line, panels
+from smadrive.runs.plots import COOLING, ESTIMATED, HEATING, RECORD, STYLE, PlotFigure, legend, line, panels
 
 DOTS = 700
 """About the number of recorded samples that a plot of the loop shows."""
@@ -20,10 +20,10 @@ def loop_figure(fit: AnyFit, axes: tuple[str, str]) -> PlotFigure:
         figure = PlotFigure(figsize=(9.0, 4.5), layout="constrained")
         ax = figure.subplots()
     every = max(1, fit.path.size // DOTS)
-    ax.plot(fit.path[::every], (fit.predicted - fit.residual)[::every], ".", color=FAINT, ms=3, label="record")
+    ax.plot(fit.path[::every], (fit.predicted - fit.residual)[::every], ".", color=RECORD, ms=6, label="record")
     moves = np.diff(fit.path, prepend=fit.path[0])
     for name, chosen, color in (("heating", moves >= 0, HEATING), ("cooling", moves < 0, COOLING)):
-        ax.plot(fit.path, np.where(chosen, fit.predicted, np.nan), color=color, label=f"model, {name}")
+        ax.plot(fit.path, np.where(chosen, fit.predicted, np.nan), color=color, lw=1.0, label=f"model, {name}")
     ax.set(xlabel=axes[0], ylabel=axes[1])
     legend(ax)
     return figure
@@ -45,7 +45,7 @@ def residual_figure(fit: AnyFit, input_name: str) -> PlotFigure:
         figure = PlotFigure(figsize=(9.0, 3.2), layout="constrained")
         along, over = figure.subplots(1, 2, sharey=True)
     line(along, np.arange(len(percent), dtype=np.float64), percent, color=ESTIMATED, lw=0.8)
-    along.set(xlabel="sample", ylabel="error, % of span")
+    along.set(xlabel="sample", ylabel="error / % of span")
     over.plot(fit.path, percent, ".", color=ESTIMATED, ms=3)
     over.set(xlabel=input_name)
     return figure

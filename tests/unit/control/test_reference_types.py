@@ -6,7 +6,7 @@ from math import nan
 import pytest
 
 from smadrive.control.references.reference import Reference
-from smadrive.control.references.shapes import SHAPES
+from smadrive.control.references.shapes import SHAPES, parse_reference
 from smadrive.errors import ConfigError, DataError
 
 KEYS = [(shape, key) for shape, make in SHAPES.items() for key in signature(make).parameters if key != "longest_s"]
@@ -45,3 +45,35 @@ def test_nan_is_not_a_number(shape, key):
         SHAPES[shape](**{**numbers, key: nan})
     assert error.value.where == f"reference: {key}"
     assert error.value.limit is None
+
+
+@pytest.mark.parametrize(("low", "high"), [(9, 2), (5, 5)])
+@pytest.mark.parametrize("shape", ["sine:period_s=20", "chirp:start_hz=0.1,end_hz=0.2", "staircase:steps=2"])
+def test_swapped_or_flat_levels_are_rejected(shape, low, high):
+    with pytest.raises(ConfigError) as error:
+        parse_reference(f"{shape},low_mm={low},high_mm={high}")
+    assert (error.value.where, error.value.value) == ("reference: low_mm", f"{low} mm")
+    assert error.value.limit == f"high_mm = {high} mm"
+    assert error.value.cure
+
+
+def test_trapezoid_holds_one_level_but_has_no_swapped_levels():
+    assert parse_reference("trapezoid:low_mm=5,high_mm=5").value_mm(7.0) == 5.0
+    with pytest.raises(ConfigError):
+        parse_reference("trapezoid:low_mm=5,high_mm=4")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "value"),
+    [
+        ("low_mm=1,5,high_mm=3,period_s=5", "1,5"),
+        ("low_mm=1,high_mm=3,period_s=10,5", "10,5"),
+        ("low_mm=1;high_mm=3;period_s=5", "';'"),
+        ("low_mm=1,5;high_mm=3;period_s=5", "';'"),
+    ],
+)
+def test_decimal_comma_and_semicolon_are_named(arguments, value):
+    with pytest.raises(ConfigError) as error:
+        parse_reference(f"sine:{arguments}")
+    assert error.value.value == value
+    assert error.value.cure

@@ -3,7 +3,9 @@
 import pytest
 
 from smadrive.errors import ConfigError
+from smadrive.files.config import read_toml
 from smadrive.files.csv_table import read_table
+from smadrive.files.spelling import NO_TEXT
 from smadrive.hysteresis import load_model
 from smadrive.rig.config import load_off_config, load_rig
 from smadrive.runs.log.reader import read_log
@@ -41,3 +43,13 @@ def test_rig_file_without_its_ending_is_suggested(tmp_path, monkeypatch, typed):
     with pytest.raises(ConfigError) as error:
         load_off_config(typed)
     assert error.value.cure == "did you mean 'my-rig.toml'?"
+
+
+@pytest.mark.parametrize(("read", "name"), [(read_toml, "rig.toml"), (read_table, "data.csv")])
+def test_binary_file_is_no_text_file(tmp_path, read, name):
+    path = tmp_path / name
+    path.write_bytes(bytes(range(256)))
+    with pytest.raises(ConfigError) as error:
+        read(path)
+    assert (error.value.what, error.value.where) == (NO_TEXT, str(path))
+    assert error.value.cure

@@ -4,7 +4,7 @@ from math import inf, isnan
 
 import pytest
 
-from smadrive.files.number_text import MOST_DIGITS, parse_number, parse_whole, shortened
+from smadrive.files.number_text import MOST_DIGITS, distinct, parse_number, parse_whole, shortened
 
 
 @pytest.mark.parametrize(
@@ -41,3 +41,9 @@ def test_text_that_is_not_a_whole_number_is_an_error(text):
 @pytest.mark.parametrize("value", ["x" * 1000, int("f" * 10_000, 16), [1.0] * 1000], ids=["text", "whole", "list"])
 def test_value_in_a_message_is_short(value):
     assert len(shortened(value)) <= 60
+
+
+@pytest.mark.parametrize(("value", "other"), [(0.05, 0.0501), (0.05, 0.05000001), (0.0504, 0.05), (2.0, 3.0)])
+def test_value_and_limit_have_texts_that_differ(value, other):
+    assert distinct(value, other) != distinct(other, value)
+    assert float(distinct(value, other)) > float(distinct(other, value)) if value > other else value < other

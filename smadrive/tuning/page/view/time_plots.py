@@ -14,6 +14,8 @@ from smadrive.tuning.page.view.figures import limit, lines, plain_figure
 POINTS = 2000
 """Largest number of points of a trace."""
 WINDOW_S = 60.0
+SHORTEST_S = 1.0
+"""The shortest window of time. At the start of a session, the window grows from it to `WINDOW_S`."""
 DRAWN = (
     "time_s",
     "temperature_c",
@@ -80,7 +82,8 @@ class TimePlots:
         return self._x.start, self._x.end
 
     def _follow(self, now_s: float) -> None:
-        self.followed = now_s - WINDOW_S, now_s
+        start_s = max(now_s - WINDOW_S, 0.0)
+        self.followed = start_s, max(now_s, start_s + SHORTEST_S)
         self._x.update(start=self.followed[0], end=self.followed[1])
 
     def _columns(self, rows: Rows) -> dict[str, Rows]:

@@ -13,7 +13,7 @@ from bokeh.models import Button
 
 from smadrive.tuning.page.knob import COMPACT
 from smadrive.tuning.page.view.sample_history import SampleHistory
-from smadrive.tuning.page.view.time_plots import POINTS, WINDOW_S, TimePlots
+from smadrive.tuning.page.view.time_plots import POINTS, SHORTEST_S, WINDOW_S, TimePlots
 
 BEFORE_S, AFTER_S = 62.0, 3.0
 """The time before and after a trip that a page shows when it freezes."""
@@ -21,10 +21,11 @@ BEFORE_S, AFTER_S = 62.0, 3.0
 REFUSALS = ("SafetyError", "ConfigError")
 """The types of faults that only refuse to arm. The plots do not freeze then, because nothing was heated."""
 
+NARROW = ":host { min-width: 0; } .bk-btn { padding: 2px 0; }"
+"""Style that fits all buttons into one row of 400 pixels."""
+
 STEP = 0.5
 """Share of the window by which Back and Forward move it."""
-
-SHORTEST_S = 1.0
 
 
 class TimeView:
@@ -100,7 +101,7 @@ class TimeView:
 
     def _button(self, name: str, label: str, pressed: Any) -> Button:
         button = Button(label=label, name=name, sizing_mode="stretch_width")
-        button.update(margin=(1, 2, 1, 2), stylesheets=[COMPACT])
+        button.update(margin=1, stylesheets=[COMPACT, NARROW])
         button.on_click(lambda _event: pressed())
         return button
 

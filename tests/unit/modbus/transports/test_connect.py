@@ -3,7 +3,7 @@
 import pytest
 
 from smadrive.errors import ConfigError, TransportError
-from smadrive.modbus.transports.connect import open_transport, port_of
+from smadrive.modbus.transports.connect import SCHEMES, open_transport, port_of
 
 BAD = [
     "tcp://192.168.1..10:502",
@@ -56,3 +56,14 @@ def test_loop_of_links_is_a_config_error(tmp_path, read):
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
     with pytest.raises(ConfigError):
         read(f"serial://{tmp_path}/loop")
+
+
+@pytest.mark.parametrize("read", [open_transport, port_of])
+@pytest.mark.parametrize(("scheme", "near"), [("seriel", "'serial'"), ("rtu+tpc", "'rtu+tcp'"), ("smb", "")])
+def test_unknown_scheme_is_cured_by_the_nearest_and_all_known_schemes(read, scheme, near):
+    with pytest.raises(ConfigError) as caught:
+        read(f"{scheme}:///dev/ttyUSB0")
+    assert caught.value.value == f"'{scheme}'"
+    assert near in caught.value.cure
+    assert scheme not in caught.value.cure
+    assert all(f"{known}://" in caught.value.cure for known in SCHEMES)

@@ -151,3 +151,10 @@ def test_back_forward_zoom_and_the_whole_session(watched):
     watched.view._move(0.5)
     watched.view._zoom(2.0)
     assert isinstance(watched.plots._model, DuhemModel)
+
+
+def test_window_begins_at_0_and_grows_to_its_full_length(watched):
+    watched.run(12.0)
+    assert watched.plots.window == pytest.approx((0.0, 12.0 - PERIOD_S))
+    watched.run(60.0)
+    assert watched.plots.window == pytest.approx((72.0 - PERIOD_S - WINDOW_S, 72.0 - PERIOD_S))
