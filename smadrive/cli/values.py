@@ -29,7 +29,7 @@ def checked_conversion(param: Any) -> Callable[[Any, Any], Any]:
             found = convert(context, value)
         except typer.BadParameter:
             if not context.resilient_parsing and isinstance(value, str):
-                check_text(_place(param), value, _annotation(param))
+                check_text(_place(param), value, _annotation(param), _range(param))
             raise
         if isinstance(found, float) and not context.resilient_parsing:
             check_finite(_place(param), found)
@@ -38,13 +38,32 @@ def checked_conversion(param: Any) -> Callable[[Any, Any], Any]:
     return process_value
 
 
-def check_text(where: str, text: str, annotation: object) -> None:
-    """Raise ConfigError if `text` is not a value of the type `annotation`: a name of an enumeration, or a number."""
+def check_text(
+    where: str, text: str, annotation: object, limits: tuple[float | None, float | None] = (None, None)
+) -> None:
+    """Raise ConfigError if `text` is not a value of the type `annotation`: a name of an enumeration, or a number.
+
+    ConfigError also for a number outside `limits`, the smallest and the largest value; None is no limit.
+    """
     if isinstance(annotation, type) and issubclass(annotation, Enum):
         names = [str(member.value) for member in annotation]
         raise ConfigError("unknown", where=where, value=text, cure=suggestion_or_list(text, names))
-    if annotation in {int, float} and check_number(where, text) % 1.0 and annotation is int:
-        raise ConfigError("not a whole number", where=where, value=text, cure="write a number such as 2")
+    if annotation in {int, float}:
+        number = check_number(where, text)
+        if annotation is int and number % 1.0:
+            raise ConfigError("not a whole number", where=where, value=text, cure="write a number such as 2")
+        _check_range(where, number, *limits)
+
+
+def _check_range(where: str, number: float, least: float | None, most: float | None) -> None:
+    if (least is None or number >= least) and (most is None or number <= most):
+        return
+    limit = (
+        f"at least {least:g}" if most is None else f"at most {most:g}" if least is None else f"{least:g} to {most:g}"
+    )
+    raise ConfigError(
+        "out of range", where=where, value=f"{number:g}", limit=limit, cure="write a number in this range"
+    )
 
 
 def check_number(where: str, text: str) -> float:
@@ -76,3 +95,9 @@ def _place(param: Any) -> str:
 def _annotation(param: Any) -> object:
     """Return the type of the values of `param`, or None if typer does not tell it."""
     return getattr(getattr(param, "type_descriptor", None), "annotation", None)
+
+
+def _range(param: Any) -> tuple[float | None, float | None]:
+    """Return the smallest and the largest value of `param`; None where it has no limit."""
+    info = getattr(getattr(param, "type_descriptor", None), "parameter_info", None)
+    return getattr(info, "min", None), getattr(info, "max", None)

@@ -40,6 +40,9 @@ SUBSTEPS = 3
 JUMP = 20.0
 """A reference that is more than this many times too fast has a jump; slowing it down does not help."""
 
+AT_END = 0.05
+"""A path begins at an end of its span if its first value is nearer to this end than this share of the span."""
+
 VISIBLE = 6.0
 """A movement of less than this many standard deviations of the displacement sensor is lost in the sensor's noise."""
 
@@ -68,8 +71,8 @@ class Feasibility:
     `nearest` is the reference that the wire can follow: the reference itself if this is feasible. The largest error is
     `shortfall_mm`, at the time `at_s`, and `limit` names the cause of this error. While the wire fell behind, the
     mean rates of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest
-    temperature of the run. `stroke_mm` is the travel of the wire, `span_mm` the span of the reference after its
-    approach.
+    temperature of the run. `stroke_mm` is the travel of the wire. `span_mm` is the span of the reference after its
+    approach, and `hot_start_mm` its first displacement if this lies at the hot end of the span, otherwise None.
     """
 
     feasible: bool
@@ -82,6 +85,7 @@ class Feasibility:
     reached_mm_per_s: float
     hottest_c: float
     span_mm: float
+    hot_start_mm: float | None
 
     @property
     def caveats(self) -> tuple[str, ...]:
@@ -90,6 +94,11 @@ class Feasibility:
         if 0.0 < self.span_mm < VISIBLE * DISPLACEMENT_NOISE * self.stroke_mm:
             small = f"the reference moves by {self.span_mm:.2g} mm only, of a stroke of {self.stroke_mm:.3g} mm"
             caveats.append(f"{small}: this movement is lost in the noise of a displacement sensor; is it in mm?")
+        if self.hot_start_mm is not None:
+            start = (
+                f"the reference begins at its hot end, {self.hot_start_mm:.3g} mm, so the wire is heated there first"
+            )
+            caveats.append(f"{start}; are low_mm and high_mm swapped?")
         if not self.feasible:
             caveats.append(f"the reference was smoothed, and all errors refer to the smoothed reference: {self}")
         return tuple(caveats)
@@ -140,7 +149,7 @@ def simulate_run(
     slow_wire = WireModel(wire.model, balance)
     weak = replace(settings, current_limit_a=(1.0 - MARGIN) * settings.current_limit_a)
     ticks = np.array(list(_ticks(reference, slow_wire, inverse, weak, start)))
-    return _judge(reference, ticks, abs(wire.travel_mm))
+    return _judge(reference, ticks, wire.travel_mm)
 
 
 def _ticks(
@@ -170,7 +179,8 @@ def _ticks(
             reading_c = wire.balance.step_thermocouple(reading_c, before_c, state.temperature_c, dt_s / SUBSTEPS)
 
 
-def _judge(reference: Reference, ticks: Array, stroke_mm: float) -> Feasibility:
+def _judge(reference: Reference, ticks: Array, travel_mm: float) -> Feasibility:
+    stroke_mm = abs(travel_mm)
     time_s, setpoint_mm, reached_mm, temperature_c, power_w, limit_w = ticks.T
     missed_mm = np.abs(setpoint_mm - reached_mm)
     worst = int(np.argmax(missed_mm))
@@ -178,6 +188,7 @@ def _judge(reference: Reference, ticks: Array, stroke_mm: float) -> Feasibility:
     begins = int(np.max(np.flatnonzero(missed_mm[: worst + 1] < 0.1 * missed_mm[worst]), initial=0))
     span = slice(begins, max(worst, begins + 1) + 1)
     duration_s = float(time_s[span][-1] - time_s[span][0])
+    scored_mm = reference.displacement_mm[reference.times_s >= reference.scored_from_s]
     nearest = Reference(time_s, reached_mm, reference.scored_from_s, endless=reference.endless)
     return Feasibility(
         feasible,
@@ -189,8 +200,15 @@ def _judge(reference: Reference, ticks: Array, stroke_mm: float) -> Feasibility:
         float(setpoint_mm[span][-1] - setpoint_mm[span][0]) / duration_s,
         float(reached_mm[span][-1] - reached_mm[span][0]) / duration_s,
         float(temperature_c.max()),
-        float(np.ptp(reference.displacement_mm[reference.times_s >= reference.scored_from_s])),
+        float(np.ptp(scored_mm)),
+        float(scored_mm[0]) if _begins_hot(scored_mm, travel_mm) else None,
     )
+
+
+def _begins_hot(path_mm: Array, travel_mm: float) -> bool:
+    """Return True if a path begins at the end of its span that the wire reaches when it is hot."""
+    hot_mm = path_mm.max() if travel_mm > 0 else path_mm.min()
+    return bool(abs(path_mm[0] - hot_mm) < AT_END * np.ptp(path_mm))
 
 
 def _limit(power_w: Array, limit_w: Array) -> Limit:

@@ -148,7 +148,9 @@ class Run:
         try:
             import xarray  # noqa: PLC0415 (not a dependency)
         except ImportError:
-            raise ConfigError("xarray is not installed", where="to_xarray", cure="pip install xarray") from None
+            raise ConfigError(
+                "xarray is not installed", where="to_xarray", cure="install it with `pip install xarray`"
+            ) from None
         data = {
             name: ("time_s", self[name], {"units": COLUMNS[name].unit, "long_name": COLUMNS[name].label})
             for name in self.columns

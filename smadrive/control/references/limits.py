@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from smadrive.errors import ConfigError, DataError
+from smadrive.errors import DataError
 
 WHERE = "reference"
 """The part `where` of the errors about references."""
@@ -54,17 +54,3 @@ def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONG
     most = longest_s / TABLE_STEP_S
     if pieces > most:
         raise DataError("too many samples", where=WHERE, value=pieces, limit=most, cure="lower the number of samples")
-
-
-def check_span(low_mm: float, high_mm: float) -> None:
-    """Raise ConfigError when `low_mm` is not below `high_mm`."""
-    if not low_mm < high_mm:
-        raise ConfigError(
-            "not below high_mm",
-            where=f"{WHERE}: low_mm",
-            value=f"{low_mm:g} mm",
-            limit=f"high_mm = {high_mm:g} mm",
-            cure="swap low_mm and high_mm"
-            if low_mm > high_mm
-            else f"choose two levels, or hold one with 'trapezoid:low_mm={low_mm:g},high_mm={low_mm:g}'",
-        )

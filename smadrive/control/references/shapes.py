@@ -20,7 +20,6 @@ from smadrive.control.references.limits import (
     WHERE,
     check_displacement,
     check_length,
-    check_span,
 )
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, DataError
@@ -199,8 +198,8 @@ def _held(levels_mm: FloatArray, hold_s: float, *, every_s: float) -> Reference:
 def _check(*, may_hold: bool = False, **keys: float) -> None:
     """Raise DataError for an impossible displacement, and ConfigError for any other key that is not positive.
 
-    ConfigError also for a value of another type than a number, and when `low_mm`
-    is above `high_mm`, or equal to it without `may_hold`.
+    ConfigError also for a value of another type than a number, and for equal
+    levels, unless the shape `may_hold` a level.
     """
     for name, given in keys.items():
         value = real_number(given, f"{WHERE}: {name}")
@@ -210,9 +209,11 @@ def _check(*, may_hold: bool = False, **keys: float) -> None:
         if name.endswith("_mm"):
             check_displacement(name, value)
         elif not value > 0:
-            raise ConfigError("not positive", where=f"{WHERE}: {name}", value=value)
-    if not (may_hold and keys["low_mm"] == keys["high_mm"]):
-        check_span(keys["low_mm"], keys["high_mm"])
+            raise ConfigError("not positive", where=f"{WHERE}: {name}", value=value, cure="write a number above 0")
+    if keys["low_mm"] == keys["high_mm"] and not may_hold:
+        level = f"{keys['low_mm']:g}"
+        cure = f"choose two levels, or hold one: 'trapezoid:low_mm={level},high_mm={level}'"
+        raise ConfigError("the levels are equal", where=f"{WHERE}: high_mm", value=f"{level} mm", cure=cure)
 
 
 def _multiple(name: str, value: float, *, of: float) -> int:

@@ -109,6 +109,8 @@ def _failure(port: str, error: Exception) -> TransportError:
         holder = "another program" if pid is None else f"process {pid}"
         return TransportError(f"busy, because {holder} uses the port", where=port, cure=free_the_line(pid))
     cure = "check the path in the URL"
+    if code == errno.EISDIR:
+        return TransportError("a folder, not a serial port", where=port, cure=cure)
     return TransportError("cannot be opened as a serial port", where=port, value=error, cure=cure)
 
 

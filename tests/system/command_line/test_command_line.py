@@ -299,6 +299,8 @@ WIRE, BOARD, SIM = (
     for name in ("wires/flexinol-lt-0.15mm", "devices/sma-reference", "sims/flexinol-lt-0.15mm")
 )
 A_RIG = "Give a rig file (.toml), or the name of a shipped one: bench-supply, in-process, simulated, tclab."
+FLAT = "sine:low_mm=5,high_mm=5,period_s=20"
+WARM = ("--output", "temperature_c", "-o")
 STRAIN = ("--output", "strain", "-o", "m.json")
 WRONG = [
     # name of the case, command, exit code, a part of the line on stderr
@@ -308,6 +310,12 @@ WRONG = [
     ("nan in a cell", ("identify", "nan.csv", *STRAIN), 2, "line 3, column 'strain': 'nan'"),
     ("Gaussians of a fuzzy model", ("identify", "wire.csv", *STRAIN, "--components", "2"), 2, "only a Duhem model has"),
     ("fuzzy sets of a Duhem model", ("identify", "wire.csv", *STRAIN, "--kind", "duhem", "--sets", "7"), 2, "--sets:"),
+    ("too few fuzzy sets", ("identify", "wire.csv", *STRAIN, "--sets", "-3"), 2, "out of range (-3, limit 3 to"),
+    ("no cycle", (*RUN, "--model", "loop.json", "--reference", ANY_SINE, "--repeat", "0"), 2, "(0, limit at least 1)"),
+    ("no port", ("tune", "in-process", "--model", "loop.json", "--port", "99999"), 2, "(99999, limit 0 to 65535)"),
+    ("an output out of reach", ("invert", "loop.json", "wire.csv", *WARM, "o.csv"), 2, "reaches no value"),
+    ("equal levels", (*RUN, "--model", "loop.json", "--reference", FLAT), 2, "high_mm: the levels are equal (5 mm)."),
+    ("a decimal comma in a shape", (*RUN, "--model", "loop.json", "--reference", "sine:low_mm=1,5"), 2, "Write 1.5"),
     ("columns of a log", ("identify", "kept.h5", *STRAIN), 2, "kept.h5: the columns of a log cannot be chosen (strain"),
     ("constant input", ("identify", "flat.csv", *STRAIN), 5, "constant"),
     ("no such model", ("simulate", "absent.json", "wire.csv", "-o", "o.csv"), 2, "absent.json"),

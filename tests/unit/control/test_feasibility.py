@@ -109,3 +109,17 @@ def test_reference_within_the_noise_of_the_sensor_gives_a_caveat(spec, doubts):
     _, found = simulated(spec)
     assert len(found.caveats) == doubts
     assert all("is it in mm?" in caveat and "of a stroke of 12 mm" in caveat for caveat in found.caveats)
+
+
+@pytest.mark.parametrize(
+    ("spec", "hot_start_mm"),
+    [
+        ("triangle:low_mm=6,high_mm=3,period_s=80,cycles=1", 6.0),
+        ("triangle:low_mm=3,high_mm=6,period_s=80,cycles=1", None),
+        ("trapezoid:low_mm=5,high_mm=5,rise_s=5,cycles=1", None),
+    ],
+)
+def test_reference_that_begins_at_its_hot_end_gives_a_caveat(spec, hot_start_mm):
+    _, found = simulated(spec)
+    assert found.hot_start_mm == hot_start_mm
+    assert len(found.caveats) == (hot_start_mm is not None) + (not found.feasible)
