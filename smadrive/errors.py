@@ -125,7 +125,10 @@ class TransportError(SmadriveError):
 
 
 class BusyError(TransportError):
-    """Another process, a driver or a guardian, has locked the serial port, or the unit at the network address."""
+    """Another process has locked the serial port, or the unit at the network address.
+
+    This process is a driver, a guardian, or `smadrive off`.
+    """
 
 
 class DeadlineError(TransportError):

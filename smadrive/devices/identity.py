@@ -27,7 +27,7 @@ UNKNOWN: Identity = MappingProxyType({})
 
 
 class Proof(Enum):
-    """The result of the check of a device's type."""
+    """What the driver knows about the type of a device: it did not ask, the device answered, or the type is proved."""
 
     NOT_ASKED = "not asked"
     ANSWERED = "it answers; its type cannot be proved"

@@ -75,7 +75,7 @@ def _check_temperature(config: RigConfig, wire: WireDataSheet) -> None:
             where=f"rig '{config.name}'",
             value=f"{limit_c:g} °C",
             limit=f"{wire.ambient_c:g} °C",
-            cure="correct the wrong value",
+            cure="raise limits.temperature_max_c in the rig file, or lower ambient_c in the wire file",
         )
     if limit_c > wire_c:
         raise ConfigError(

@@ -151,12 +151,20 @@ def _check_rule(change: SetRule, branch: str) -> None:
     sign = -1.0 if branch == "heating" else 1.0
     if not sign * change.a > 0:
         raise ModelError(
-            f"a {branch} rule must contract", where="a", value=f"{change.a:g}", limit=f"a {'<' if sign < 0 else '>'} 0"
+            f"with this value the {branch} rule is not stable",
+            where="a",
+            value=f"{change.a:g}",
+            limit=f"a {'<' if sign < 0 else '>'} 0",
+            cure=f"enter a number {'below' if sign < 0 else 'above'} 0",
         )
     low, high = sorted((0.0, -change.a))
     if not low <= change.b <= high:
         raise ModelError(
-            "with this value the state leaves [0, 1]", where="b", value=f"{change.b:g}", limit=f"{low:g} to {high:g}"
+            "with this value the state leaves [0, 1]",
+            where="b",
+            value=f"{change.b:g}",
+            limit=f"{low:g} to {high:g}",
+            cure="enter a number within this limit",
         )
 
 

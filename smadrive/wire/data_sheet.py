@@ -20,8 +20,8 @@ class WireDataSheet(Section):
 
     The wire withstands `temperature_max_c` permanently, and no rig may allow more. The default is `AGEING_C`.
 
-    Usual wires are far within the bounds of these values. A value in a wrong unit, such as metres instead of
-    millimetres, is often outside.
+    Each value has bounds that are far wider than usual wires need. So a value outside its bounds is probably in a wrong
+    unit, such as metres instead of millimetres.
     """
 
     name: str

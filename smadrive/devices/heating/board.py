@@ -39,9 +39,10 @@ _MEASURED = (
 
 
 class HeaterBoard(DeviceSource[Device]):
-    """A heater board as heat source. Its profile binds the roles of command and measurement; see HeatSource.
+    """A heater board as heat source, with the interface HeatSource.
 
-    ConfigError when the profile lacks a role.
+    The profile of the device names the register of each role, such as heater_current. ConfigError when the profile
+    names no register for a role.
     """
 
     measures = frozenset(("temperature", "displacement"))

@@ -27,9 +27,10 @@ PROTECTION = 1.1
 
 
 class BenchSupply(DeviceSource[Device]):
-    """A bench supply as heat source. Its profile binds the roles of a supply; see HeatSource.
+    """A bench supply as heat source, with the interface HeatSource.
 
-    ConfigError when the profile lacks a role.
+    The profile of the device names the register of each role, such as heater_current. ConfigError when the profile
+    names no register for a role that every supply needs.
     """
 
     measures: frozenset[str] = frozenset()

@@ -114,7 +114,10 @@ class TCLabBoard:
                 )
 
     def limit_pulses(self, steps: int) -> None:
-        """Set the pulse width of heater 1 at 100 % duty and confirm it; ReadBackError when the value did not arrive."""
+        """Limit heater 1: at a duty of 100 % its pulses then have the width `steps`, from 0 to 255 (always on).
+
+        The board repeats the value. ReadBackError if it repeats another one.
+        """
         if not self._says_back("P1", steps):
             self._line.distrust()
             raise ReadBackError(

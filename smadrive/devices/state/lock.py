@@ -63,10 +63,10 @@ class LineLock:
         self._write(f"{role} {pid}\n")
 
     def release(self) -> None:
-        """Release the line. A guardian that shares the lock keeps it. A second call does nothing.
+        """Release the line. If a guardian shares the lock, the guardian still has it. A second call does nothing.
 
-        This process first removes its own name from the file. The next process locks the file before it writes its
-        name; in between, no program may take this process for the holder.
+        This process removes its name from the lock file before it unlocks the file. Otherwise other programs could read
+        this name although the next process has locked the file already and has not yet written its own name.
         """
         if self.descriptor != NO_DESCRIPTOR:
             holder = holder_of(self.line)

@@ -5,8 +5,9 @@ more address for each of its permanent names. An address exists exactly as long 
 user of the machine, and no permission of a folder can hide it. Other systems have no such namespace: on them, a driver
 cannot be asked to stop.
 
-A connection to the address is the request. The driver closes the connection when it has released the line. A driver
-that refuses answers REFUSED and closes the connection. The kernel closes the connection of a killed driver.
+A connection to the address is the request. The driver closes the connection when it has released the line. If the
+driver refuses the request, it answers REFUSED and closes the connection. The kernel closes the connection of a killed
+driver.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ class Framing(Protocol):
         ...
 
     def intact(self, reply: bytes) -> bool:
-        """Return True if the tail proves that the reply is undamaged."""
+        """Return True if the check sum of the reply is right. A reply over TCP has none: the result is always True."""
         ...
 
 
@@ -85,7 +85,7 @@ class RtuFraming:
         """Do nothing, because `request` empties the buffer."""
 
     def intact(self, reply: bytes) -> bool:
-        """Return True if the CRC holds."""
+        """Return True if the CRC at the end of the reply is right."""
         return rtu.crc_holds(reply)
 
 
@@ -145,7 +145,7 @@ class TcpFraming:
                 self.dropped += 1
 
     def intact(self, _reply: bytes) -> bool:
-        """Return True, because TCP itself detects damage."""
+        """Return True: a Modbus TCP reply has no check sum, because TCP itself detects damage."""
         return True
 
     def _frame(self) -> bytes | None:

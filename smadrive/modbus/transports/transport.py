@@ -26,7 +26,7 @@ class Transport(Protocol):
 
     @property
     def clock(self) -> Clock:
-        """The clock of the deadlines."""
+        """The clock by which the client sets its deadlines."""
         ...
 
     @property

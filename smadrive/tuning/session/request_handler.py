@@ -52,7 +52,7 @@ class RequestHandler:
             self._stop_without_front()
 
     def receive(self, message: bytes) -> None:
-        """Do, queue or refuse the request in a message. Every OFF that was counted before is handled first."""
+        """Do, queue or refuse the request in `message`. An OFF that was pressed before the message is done first."""
         self.check_off()
         try:
             self._do(parse_request(message))

@@ -122,7 +122,7 @@ class StepJob(Job):
 
 @dataclass(frozen=True)
 class PutJob(RecallJob):
-    """Put the tuning from before a comparison in force again. The history of changes stays as it is."""
+    """Use the tuning again that was used before the A/B comparison. Undo and redo do not see this change."""
 
     is_undoable = False
 
