@@ -227,7 +227,7 @@ def test_rate_above_that_of_the_devices_is_rejected_with_a_possible_rate():
     with pytest.raises(ConfigError, match="rate_hz") as caught, bench.rig as rig:
         rig.excite(rig.excitation(22.0), lambda tick: None)
     assert caught.value.value.startswith("0.1")
-    assert caught.value.limit == "0.050 s"
+    assert caught.value.limit == "0.05 s"
 
 
 def test_unused_second_thermometer_is_allowed():

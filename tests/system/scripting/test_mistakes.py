@@ -62,7 +62,7 @@ MISTAKES = [
     ("data", lambda rig, wire: smadrive.identify([1.0, 2.0]), ConfigError, "data: no record (list)"),
     ("data", lambda rig, wire: smadrive.identify([1.0, 2.0], [1.0]), DataError, "different numbers of samples"),
     ("data", lambda rig, wire: smadrive.identify([1.0, 2.0], ["a", "b"]), DataError, "not numbers"),
-    ("data", lambda rig, wire: smadrive.identify([1.0, 2.0], [1.0, 2.0]), IdentificationError, "less than one full"),
+    ("data", lambda rig, wire: smadrive.identify([1.0, 2.0], [1.0, 2.0]), IdentificationError, "too few samples (2"),
     ("data", lambda rig, wire: smadrive.identify(rig.drive(Warm(), wire, duration_s=1)), DataError, "not the log of"),
     (
         "data",
