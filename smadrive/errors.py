@@ -127,8 +127,10 @@ class TransportError(SmadriveError):
 class BusyError(TransportError):
     """Another process has locked the serial port, or the unit at the network address.
 
-    This process is a driver, a guardian, or `smadrive off`.
+    This process is a driver, a guardian, or `smadrive off`. `holder_pid` is its id; None if the id is unknown.
     """
+
+    holder_pid: int | None = None
 
 
 class DeadlineError(TransportError):

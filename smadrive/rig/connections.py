@@ -76,8 +76,9 @@ class Connections:
                     self._locks[line] = self._stack.enter_context(lock_line(line, self._role))
                     if self._stop is not None:
                         self._stop.listen(line, names_of_line(line, key_of(device)))
-            except BusyError:
+            except BusyError as error:
                 if self._role is not Role.OFF:
+                    error.where = _place(device.config.url, error.where)
                     raise
 
     def _client(self, device: PlannedDevice) -> ModbusClient:
@@ -121,6 +122,11 @@ class Connections:
             raise ConfigError(what, where=where, value=error.strerror, cure=cure) from None
         path = self._trace_folder / f"{device.name}.trace"
         return self._stack.enter_context(TraceFile(path, transport, speaks_text=speaks_text))
+
+
+def _place(url: str, line: str) -> str:
+    """Return the URL of the rig file, with the name of its line if the two differ."""
+    return url if url.partition("?")[0] == line else f"{url} ({line})"
 
 
 def line_names(device: PlannedDevice) -> tuple[str, ...]:

@@ -196,4 +196,6 @@ def _busy(line: str, holder: Holder | None) -> BusyError:
         )
     pid = None if holder is None else holder.pid
     name = "another smadrive" if pid is None else f"process {pid}"
-    return BusyError(f"busy, because {name} uses the port", where=line, cure=free_the_line(pid))
+    error = BusyError(f"busy, because {name} uses the port", where=line, cure=free_the_line(pid))
+    error.holder_pid = pid
+    return error

@@ -19,10 +19,12 @@ from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing import Pipe
 from typing import Any
+from weakref import WeakSet
 
-from smadrive.errors import LoopProcessError
+from smadrive.errors import BusyError, LoopProcessError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
+from smadrive.safety.shutdown import shutdown_of
 from smadrive.scripting.loop.counted_interrupts import CountedInterrupts
 from smadrive.scripting.loop.messages import END, INTERRUPT, NUMBER_BYTES, REQUEST, Failure, Result, RunProgress
 from smadrive.scripting.loop.transfer import pickled
@@ -37,6 +39,8 @@ ENDS_WITHIN_S = 30.0
 
 OBEYS_WITHIN_S = 10.0
 """After `ABORTS_AT` interruptions, the loop process is killed if it still runs after this time in s."""
+
+_running: WeakSet[LoopClient] = WeakSet()
 
 Show = Callable[[RunProgress], None]
 
@@ -80,6 +84,7 @@ class LoopClient:
             start_new_session=True,  # Ctrl-C is for the script, which passes it on
         )
         theirs.close()
+        _running.add(self)
         threading.Thread(target=self._listen, name="link to the loop", daemon=True).start()
 
     @property
@@ -96,6 +101,7 @@ class LoopClient:
         """Send a request. Return its result or raise its error. `show` gets the progress of a run.
 
         KeyboardInterrupt is raised after an interruption, when the process has confirmed that the heater is off.
+        Its message says so.
         LoopProcessError if the process has died. ControllerError if a controller cannot be pickled.
         """
         message = pickled(request)
@@ -107,7 +113,7 @@ class LoopClient:
         if interrupts.count and not isinstance(reply, Failure):
             raise KeyboardInterrupt
         if isinstance(reply, Failure):
-            raise reply.error from (RemoteTracebackError(reply.traceback) if reply.traceback else None)
+            raise _explained(reply.error) from (RemoteTracebackError(reply.traceback) if reply.traceback else None)
         return reply.value
 
     def end(self) -> None:
@@ -174,6 +180,17 @@ class LoopClient:
         finally:
             self._is_lost = True
             self._arrived.set()
+
+
+def _explained(error: BaseException) -> BaseException:
+    """Return the error for the script: an interruption tells the state of the heater, and a busy line its user."""
+    outcome = shutdown_of(error)
+    if isinstance(error, KeyboardInterrupt) and outcome is not None and outcome.confirmed:
+        error.args = (str(outcome),)
+    if isinstance(error, BusyError) and error.holder_pid in {client.pid for client in _running}:
+        cure = "use the rig that is open, or close it first: call its close(), or open it in a `with` block"
+        return BusyError("busy, because this script has a rig open on this line", where=error.where, cure=cure)
+    return error
 
 
 def _status(code: int | None) -> str:

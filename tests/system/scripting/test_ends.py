@@ -16,7 +16,7 @@ from process_tree import children
 from served import PATIENT, served
 
 import smadrive
-from smadrive.errors import UNCONFIRMED, LoopProcessError
+from smadrive.errors import UNCONFIRMED, BusyError, LoopProcessError
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
@@ -48,6 +48,7 @@ try:
     rig.drive(Warm(), sys.argv[2], "run.h5")
 except BaseException as error:
     print(type(error).__name__, shutdown_of(error), *error.__notes__, sep="; ", flush=True)
+    print("says:", error, flush=True)
 print("armed:", rig.measure().armed, flush=True)
 rig.close()
 """
@@ -120,6 +121,7 @@ def test_interruption_ends_the_run_confirmed_and_reaches_the_script(rig_file, id
         script.send_signal(signal.SIGINT)
         printed, errors = script.communicate()
     assert f"KeyboardInterrupt; {CONFIRMED}; the record of the run up to its end: run.h5\n" in printed
+    assert f"says: {CONFIRMED}\n" in printed
     assert (printed.splitlines()[-1], script.returncode, errors) == ("armed: False", 0, "")
     assert_confirmed(read_log(tmp_path / "run.h5"))
 
@@ -215,6 +217,17 @@ def test_idle_loop_that_is_killed_is_an_error_once():
         kill_and_measure(rig)
     assert caught.value.value == "signal SIGKILL"
     assert not rig.is_open
+
+
+def test_rig_that_a_script_opens_twice_is_busy_by_this_script(tmp_path):
+    with on_a_port(tmp_path) as (rig_file, _), smadrive.open_rig(rig_file) as rig:
+        with pytest.raises(BusyError, match="this script") as refused:
+            smadrive.open_rig(rig_file)
+        assert refused.value.where.startswith(rig.config.devices[0].url)
+        assert not rig.measure().armed
+    with smadrive.open_rig("in-process") as one, smadrive.open_rig("in-process") as other:
+        assert one.is_open
+        assert other.is_open
 
 
 def test_forgotten_rig_ends_its_process():

@@ -49,6 +49,7 @@ def test_second_driver_is_refused_with_the_holder(held):
         lock_line(LINE, Role.DRIVER)
     assert error.value.where == LINE
     assert f"process {process.pid}" in error.value.what
+    assert error.value.holder_pid == process.pid
     assert holder_of(LINE) == (Role.DRIVER, process.pid)
 
 
