@@ -99,12 +99,12 @@ class ModbusMessage(NamedTuple):
 
     @property
     def wrong_unit(self) -> Self:
-        """The same reply from the next unit."""
+        """The same reply, but with the unit id of another unit: the id after the right one."""
         return self._replace(unit_id=self.unit_id % 247 + 1)
 
     @property
     def wrong_function(self) -> Self:
-        """The same words with another function code, such as 04 instead of 03, or 16 instead of 23."""
+        """The same reply, but with another function code, such as 04 instead of 03, or 16 instead of 23."""
         return self._replace(pdu=bytes((self.pdu[0] ^ 7,)) + self.pdu[1:])
 
     @property

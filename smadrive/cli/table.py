@@ -1,4 +1,7 @@
-"""Tables that fit the terminal: a narrow one wraps texts, and a narrower one becomes a list. No number is ever cut."""
+"""Tables that fit the terminal. A table that is too wide wraps its texts; if this is not enough, it becomes a list.
+
+No number is ever cut.
+"""
 
 from __future__ import annotations
 

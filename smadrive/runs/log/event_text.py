@@ -25,7 +25,7 @@ def parts_of(text: str, most_bytes: int) -> list[bytes]:
 
 
 def joined(events: Iterable[tuple[float, str]]) -> list[tuple[float, str]]:
-    """Return the events with the parts of each text put together."""
+    """Return the events of a log. An event whose text was stored in several parts is one event again."""
     whole: list[tuple[float, str]] = []
     for time_s, text in events:
         if whole and text.startswith(CONTINUED) and time_s == whole[-1][0]:

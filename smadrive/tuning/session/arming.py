@@ -21,7 +21,7 @@ class Arming:
         return self._state.arm_request is not None
 
     def begin(self, request: Arm) -> None:
-        """Keep a request until it is settled."""
+        """Keep a request to arm until `settle` answers it."""
         self._state.arm_request, self._state.arm_requested_s = request, self._state.now_s
 
     def settle(self, refused: str | None) -> None:

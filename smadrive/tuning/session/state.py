@@ -57,7 +57,10 @@ class SessionState:
         self.status.add_event(self.now_s, event)
 
     def answer(self, request: PageRequest | None, refused: str | None) -> None:
-        """Answer a request, unless it is None. `refused` is None or the reason for a refusal, which is reported."""
+        """Send the answer to `request`; do nothing if it is None. `refused` is the reason for a refusal, or None.
+
+        A refusal is also added to the events.
+        """
         if request is not None:
             self.channel.send({"number": request.number, "refused": refused})
             if refused:
