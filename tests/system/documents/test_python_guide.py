@@ -58,7 +58,7 @@ def test_all_snippets_run_one_after_the_other(tmp_path):
     printed = done.stdout
     for part in ("OpenRig(", "Measurement(", "Wire(", "% RMS", "0 trips", "°C, ", "in update", "ZeroDivisionError"):
         assert part in printed
-    assert "reference: period_s: not positive (-56) 2" in printed
+    assert "reference: period_s: not positive (-56). Write a number above 0. 2" in printed
 
 
 @pytest.fixture(scope="module")
