@@ -45,6 +45,7 @@ Candidate = Callable[[Record], tuple[Model, float]]
 """A function that fits a candidate to a record. It returns the model with its output at the first sample."""
 
 _MEMORY_PAYS = 0.8  # largest held-out error with memory, as a share of that without
+_HOPELESS = 4.0  # no part of the wire is a plane if its error on the whole record is so many times that of the rules
 _BOTH_FIT = 0.6  # largest error of rules and plane on the whole record, as a share of that of the plane alone
 _BOTH_PREDICT = 0.9  # largest held-out error of rules and plane, as a share of that of the plane alone
 _ONE_SIDED_PAYS = 2.5  # largest held-out error with memory on a one-sided record, as a share of that without
@@ -118,8 +119,8 @@ class MemoryChoice:
 
     `sets` is the number of sets of the last turning point; 1 is no memory. `with_percent` and `without_percent` are the
     RMS errors with and without memory on the held-out loops, which the fits did not see, in % of the output span. They
-    are NaN if the number of sets was given, or if the record has too few loops. `doubts` are reasons to distrust the
-    choice.
+    are NaN if the number of sets was given, if the record has too few loops, and if a plane alone explains it much worse
+    than rules do. `doubts` are reasons to distrust the choice.
     """
 
     sets: int
@@ -155,7 +156,11 @@ def choose(
     turning point of the candidates with memory. `fit_rules` fits the rules, and `rules` is its result for the whole
     record.
     """
-    (model, y0), held_out, doubts = _with_memory(record, sets, fit_rules)
+    fit_plane, fit_both = _candidates(record, sets, fit_rules)
+    plane = fit_plane(record)
+    if record.misfit(*plane) > _HOPELESS * record.misfit(*rules):
+        return *rules, MemoryChoice(1, nan, nan)
+    (model, y0), held_out, doubts = _better(record, plane, fit_plane, fit_both)
     without = _held_out(record, fit_rules)
     if held_out >= (_ONE_SIDED_PAYS if doubts else _MEMORY_PAYS) * without:
         return *rules, MemoryChoice(1, held_out, without)
@@ -167,19 +172,28 @@ def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, 
 
     `sets` is the number of sets of the last turning point; `fit_rules` fits the rules.
     """
-    (model, y0), _, doubts = _with_memory(record, sets, fit_rules)
+    fit_plane, fit_both = _candidates(record, sets, fit_rules)
+    (model, y0), _, doubts = _better(record, fit_plane(record), fit_plane, fit_both)
     return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan, doubts)
 
 
-def _with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[tuple[Model, float], float, tuple[str, ...]]:
+def _candidates(record: Record, sets: int, fit_rules: FitRules) -> tuple[Candidate, Candidate]:
+    """Return the two candidates with memory: the plane alone, and rules and plane."""
+    duhem = fit_duhem(record, components=1).model
+    return (
+        partial(plane_alone, sets=sets, duhem=duhem),
+        partial(rules_and_plane, sets=sets, duhem=duhem, fit_rules=fit_rules),
+    )
+
+
+def _better(
+    record: Record, plane: tuple[Model, float], fit_plane: Candidate, fit_both: Candidate
+) -> tuple[tuple[Model, float], float, tuple[str, ...]]:
     """Return the better candidate with memory, fitted, its held-out error in % of the output span, and doubts about it.
 
-    On a one-sided record the better candidate is the plane alone.
+    `plane` is what `fit_plane` returned for the whole record. On a one-sided record the plane alone is better.
     """
-    duhem = fit_duhem(record, components=1).model
-    fit_plane = partial(plane_alone, sets=sets, duhem=duhem)
-    fit_both = partial(rules_and_plane, sets=sets, duhem=duhem, fit_rules=fit_rules)
-    plane, held_out = fit_plane(record), _held_out(record, fit_plane)
+    held_out = _held_out(record, fit_plane)
     if not _shows_heating_inside(record):
         return plane, held_out, (_ONE_SIDED,)
     both = fit_both(record)
