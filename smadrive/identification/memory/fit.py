@@ -119,8 +119,8 @@ class MemoryChoice:
 
     `sets` is the number of sets of the last turning point; 1 is no memory. `with_percent` and `without_percent` are the
     RMS errors with and without memory on the held-out loops, which the fits did not see, in % of the output span. They
-    are NaN if the number of sets was given, if the record has too few loops, and if a plane alone explains it much worse
-    than rules do. `doubts` are reasons to distrust the choice.
+    are NaN if the number of sets was given, if the record has too few loops, and if a plane alone explains it much
+    worse than rules do. `doubts` are reasons to distrust the choice.
     """
 
     sets: int
