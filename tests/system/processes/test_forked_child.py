@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 from contextlib import suppress
-from pathlib import Path
 
 import programs
 import pytest
@@ -50,14 +49,9 @@ def driver(tmp_path):
                     os.kill(child, signal.SIGKILL)
 
 
-def links(pid):
-    """The targets of the open descriptors of a process."""
-    return {str(one.readlink()) for one in Path(f"/proc/{pid}/fd").iterdir()}
-
-
 def test_forked_child_shares_nothing_and_the_guardian_of_its_killed_driver_ends(driver):
     process, child, supply = driver
-    shared = links(process.pid) & links(child)
+    shared = programs.open_files(process.pid) & programs.open_files(child)
     assert not [link for link in shared if link.startswith("/dev/pts/") or "socket:" in link or "locks/" in link]
     (guardian,) = guardians(process.pid)
     descriptor = os.pidfd_open(guardian)

@@ -173,7 +173,7 @@ def switching_off_in_silence(hot):
     with programs.Program(
         [sys.executable, "-m", "smadrive", "off", str(rig)], stderr=subprocess.PIPE, text=True
     ) as switching:
-        while not any(one.resolve() == port for one in Path(f"/proc/{switching.pid}/fd").iterdir()):
+        while str(port) not in programs.open_files(switching.pid):
             time.sleep(0.02)
         yield switching
 
