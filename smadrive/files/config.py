@@ -13,8 +13,8 @@ from smadrive.files.config_problems import config_problems
 from smadrive.files.kinds import check_regular
 from smadrive.files.number_text import shortened
 from smadrive.files.spelling import NO_TEXT, NO_TEXT_CURE, missing_file_cure
-from smadrive.files.toml import parse_toml
-from smadrive.files.toml_mistakes import TomlMistakeError
+from smadrive.files.toml.mistakes import TomlMistakeError
+from smadrive.files.toml.parsing import parse_toml
 
 MOST_WHOLE = 1 << 63
 """Whole numbers of a config file are smaller than this in absolute value: TOML guarantees 64 bits."""
@@ -54,22 +54,34 @@ def read_toml(path: Path) -> dict[str, Any]:
 
     ConfigError when the file is missing, unreadable, not regular or not valid TOML.
     """
+    try:
+        return parse_toml(read_config_text(path))
+    except (ValueError, RecursionError) as error:
+        raise invalid_toml(error, path) from None
+
+
+def read_config_text(path: Path) -> str:
+    """Return the text of a config file. ConfigError when the file is missing, unreadable, not regular or not text."""
     check_regular(path, ConfigError)
     try:
-        return parse_toml(path.read_text(encoding="utf-8-sig"))
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise ConfigError("no such file", where=path, cure=missing_file_cure(path)) from None
     except UnicodeDecodeError:
         raise ConfigError(NO_TEXT, where=path, cure=NO_TEXT_CURE) from None
     except OSError as error:
         raise ConfigError(f"cannot be read: {error}", where=path) from None
-    except TomlMistakeError as error:
-        line, what, value, cure = error.mistake
-        raise ConfigError(what, where=f"{path}, line {line}", value=value, cure=cure) from None
-    except ValueError as error:
-        raise ConfigError(f"not valid TOML: {error}", where=path) from None
-    except RecursionError:
-        raise ConfigError("nested too deeply for a config file", where=path, cure="remove the inner brackets") from None
+
+
+def invalid_toml(error: ValueError | RecursionError, path: Path) -> ConfigError:
+    """Return the ConfigError for the error that `parse_toml` raised for the text of the file `path`."""
+    if isinstance(error, TomlMistakeError):
+        mistake = error.mistake
+        where = f"{path}, line {mistake.line}"
+        return ConfigError(mistake.what, where=where, value=mistake.value, cure=mistake.cure)
+    if isinstance(error, RecursionError):
+        return ConfigError("nested too deeply for a config file", where=path, cure="remove the inner brackets")
+    return ConfigError(f"not valid TOML: {error}", where=path)
 
 
 def load_config(path: Path, kind: type[ConfigT]) -> ConfigT:

@@ -18,7 +18,7 @@ from typing import Any
 
 from smadrive.errors import ConfigError, DataError, ModelError
 from smadrive.files.number_text import parse_number, shortened
-from smadrive.files.toml import parse_toml
+from smadrive.files.toml.parsing import parse_toml
 
 HEAD_BYTES = 1 << 20
 """The number of bytes of a file that are examined. Every config and every model is smaller."""

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from math import inf
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Self
+from typing import Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from smadrive.devices.calibration import CalibrationConfig
 from smadrive.errors import ConfigError
-from smadrive.files.config import Section, load_config, read_toml, validate
+from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import RIG
 from smadrive.files.shipped import config_file
 
@@ -170,7 +169,7 @@ class RigConfig(Section):
 
     def in_folder(self, folder: Path) -> RigConfig:
         """Return the same rig with its relative paths joined to `folder`. Names of shipped files stay."""
-        devices = _in_folder(self.devices, folder)
+        devices = in_folder(self.devices, folder)
         model = None if self.model is None else str(folder / self.model)
         return self.model_copy(update={"wire": path_or_name(folder, self.wire), "model": model, "devices": devices})
 
@@ -181,25 +180,8 @@ class RigConfig(Section):
         )
 
 
-class OffConfig(NamedTuple):
-    """The subset of a rig file that `off` needs. `current_max_a` is infinite when the limits cannot be read."""
-
-    name: str
-    devices: tuple[DeviceConfig, ...]
-    current_max_a: float
-
-
-class _OffSection(Section):
-    """The keys of a rig file that switching off needs."""
-
-    devices: tuple[DeviceConfig, ...] = Field(min_length=1)
-
-
-ADDRESS_KEYS = ("name", "profile", "url", "unit_id", "full_scale_a", "full_scale_v")
-"""The keys of a device that `off` reads."""
-
-
-def _in_folder(devices: Iterable[DeviceConfig], folder: Path) -> tuple[DeviceConfig, ...]:
+def in_folder(devices: Iterable[DeviceConfig], folder: Path) -> tuple[DeviceConfig, ...]:
+    """Return the devices with the relative paths of their profiles joined to `folder`."""
     return tuple(device.model_copy(update={"profile": path_or_name(folder, device.profile)}) for device in devices)
 
 
@@ -216,30 +198,6 @@ def load_rig(name: str) -> RigConfig:
     """
     path = rig_file(name)
     return load_config(path, RigConfig).in_folder(path.parent)
-
-
-def load_off_config(name: str) -> OffConfig:
-    """Load only the devices of a rig file, even if other parts are wrong; ConfigError if the devices are wrong."""
-    path = rig_file(name)
-    tables = read_toml(path)
-    devices = validate(_address_tables(tables), _OffSection, where=str(path)).devices
-    try:
-        current_max_a = validate(tables.get("limits", {}), LimitsConfig, where=str(path)).current_max_a
-    except ConfigError:
-        current_max_a = inf
-    return OffConfig(str(tables.get("name", path.stem)), _in_folder(devices, path.parent), current_max_a)
-
-
-def _address_tables(tables: dict[str, Any]) -> dict[str, Any]:
-    """Return the devices with only their address keys. A value of a wrong type stays, and the validation reports it."""
-    devices = tables.get("devices")
-    if isinstance(devices, list):
-        devices = [_address_keys(device) if isinstance(device, dict) else device for device in devices]
-    return {} if devices is None else {"devices": devices}
-
-
-def _address_keys(device: dict[str, Any]) -> dict[str, Any]:
-    return {key: device[key] for key in ADDRESS_KEYS if key in device}
 
 
 def rig_file(name: str) -> Path:

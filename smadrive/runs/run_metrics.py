@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import nan
 from typing import Any
@@ -105,7 +105,8 @@ def tracking_caveats(log: Log) -> tuple[str, ...]:
 
 def run_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust the content of a log, or the metrics of its run. The run may be of any kind."""
-    return (*log.caveats, *(tracking_caveats(log) if has_setpoint(log) else texts_of(log, "caveats")))
+    metrics = tracking_caveats(log) if has_setpoint(log) else texts_of(log, "caveats")
+    return (*log.caveats, *metrics, *(_command_caveats(log) if "controller" in log.metadata else ()))
 
 
 def texts_of(log: Log, name: str) -> tuple[str, ...]:
@@ -128,6 +129,19 @@ def _sample_caveats(log: Log) -> tuple[str, ...]:
         return ()
     share = f"{missing} of {error.size} samples of the displacement are missing ({100.0 * missing / error.size:.0f} %)"
     return (f"{share}: the tracking error is computed from the other samples",)
+
+
+def _command_caveats(log: Log) -> Iterator[str]:
+    """Yield doubts about the commands of the user's controller: currents and setpoints outside their ranges."""
+    current_max_a = rig_config_of(log).limits.current_max_a
+    commanded_a = log.column_with_gaps("commanded_a")
+    if clamped := int(np.count_nonzero(commanded_a > current_max_a)):
+        limit = f"current_max_a = {current_max_a:g} A (largest {np.nanmax(commanded_a):.3g} A)"
+        yield f"{clamped} of {commanded_a.size} commands were above {limit} and were clamped"
+    setpoint_mm, reach_mm = log.column_with_gaps("setpoint_mm"), sorted(travel_mm(wire_of(log).model))
+    if outside := int(np.count_nonzero((setpoint_mm < reach_mm[0]) | (setpoint_mm > reach_mm[1]))):
+        reach = f"{reach_mm[0]:.2f} to {reach_mm[1]:.2f} mm"
+        yield f"{outside} of {setpoint_mm.size} setpoints were outside the reach of the wire, {reach}"
 
 
 @dataclass(frozen=True)

@@ -174,10 +174,10 @@ class OpenRig:
             run = rig.drive(Warm(), wire, duration_s=20)
 
         `update` is called once per tick, in the loop process, on a copy of the controller. After the run,
-        `run.controller` is this copy. The current is clamped to the limits of the rig. If the commands have a
-        `setpoint_mm`, the metrics of the run include tracking errors. Without `duration_s` the controller must have an
-        attribute `duration_s`. An error that `update` raises ends the run at zero current and is raised here.
-        ControllerError if `update` returns no command.
+        `run.controller` is this copy. The current is clamped to the range from 0 to current_max_a. If the commands have
+        a `setpoint_mm`, the metrics of the run include tracking errors. Without `duration_s` the controller must have
+        an attribute `duration_s`. An error that `update` raises ends the run at zero current and is raised here.
+        ControllerError if `update` returns no command, or a current far beyond current_max_a.
         """
         check_controller(controller, duration_s)
         path = new_log(log, "run")

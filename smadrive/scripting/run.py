@@ -23,7 +23,7 @@ from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import Log
 from smadrive.runs.log.reader import read_log as read_log_file
 from smadrive.runs.plots import MEASURED, PlotFigure
-from smadrive.runs.run_metrics import RunMetrics, has_setpoint, run_metrics, tracking_caveats
+from smadrive.runs.run_metrics import RunMetrics, has_setpoint, run_caveats, run_metrics
 from smadrive.scripting.arguments import path_text
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ class Run:
     @property
     def caveats(self) -> tuple[str, ...]:
         """Reasons to distrust the metrics, one sentence each."""
-        return (*self.log.caveats, *(tracking_caveats(self.log) if has_setpoint(self.log) else ()))
+        return run_caveats(self.log)
 
     def plot(self, figure: str | None = None) -> PlotFigure:
         """Return the matplotlib figure 'tracking', 'loop', 'heat' or 'timing'; by default the first that exists.

@@ -27,12 +27,13 @@ from smadrive.devices.stopping.request import StoppedDriver
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.interrupts import HeldSignals
 from smadrive.rig.assembly import heat_source, port_key
-from smadrive.rig.config import DeviceConfig, OffConfig, load_off_config
+from smadrive.rig.config import DeviceConfig
 from smadrive.rig.connections import Connections
 from smadrive.rig.plan import check_full_scales
 from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.switching_off.drivers import stop_drivers, stop_late_drivers
 from smadrive.rig.switching_off.each import each
+from smadrive.rig.switching_off.off_config import OffConfig, load_off_config
 from smadrive.safety.shutdown import ShutdownOutcome, carry
 
 
@@ -44,9 +45,9 @@ class SwitchedOff:
     refused      the first error of a driver that could not be stopped, so that it may heat again
     devices      devices that confirmed their safe state; all devices that heat are among them
     latched      faults that stay latched
-    warnings     failures after the heat sources were confirmed off
+    warnings     failures after the heat sources were confirmed off, and errors of the rig file outside its devices
     displaced    guardians that wait at a port of this rig for another device, which may still heat elsewhere
-    failure      first error of a device that does not heat
+    failure      first error in the devices of the rig file, or of a device that does not heat
     """
 
     rig: str
@@ -100,14 +101,14 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
                 lambda device: _enter_safe_state(device, connections),
             )
             _check_complete(config, off, (refused if failure else None) or failure or (None if off else unreadable))
-        warnings = tuple(_relieve_guardians(off))
+        warnings = (*map(str, config.mistakes), *_relieve_guardians(off))
         displaced = tuple(_displaced(off))
         if clear_faults:
             for one in off:
                 _clear(one)
     latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
     names = (*(one.name for one in off), *others)
-    failure = unreadable or other_failure
+    failure = config.device_mistake or unreadable or other_failure
     return SwitchedOff(config.name, tuple(stopped), refused, names, latched, warnings, displaced, failure)
 
 

@@ -100,7 +100,7 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
                 plan = plan_tracking(rig, reference, wire, smooth=smooth, smooth_option="smooth=True", cycling=cycling)
             return _counts(track(log_file, rig, plan, link.watch))
         case DriveRequest(log_file=log_file, controller=controller, duration_s=duration_s, wire=wire):
-            own = OwnController(controller, duration_s, link.at_once)
+            own = OwnController(controller, duration_s, rig.config.limits.current_max_a, link.at_once)
             return _counts(drive(log_file, rig, own, own.name, wire, link.watch), own.controller)
         case CoolDownRequest(duration_s=duration_s):
             with nullcontext() if _is_virtual(rig) else link.at_once():

@@ -13,6 +13,12 @@ from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
 from smadrive.scripting.loop.messages import ScriptEndedError
 
+FAR_BEYOND = 20.0
+"""A commanded current above this multiple of current_max_a is an error, for example a current in milliamperes.
+
+Smaller currents beyond the limit are clamped, as every controller with a large gain needs it.
+"""
+
 RETURN_A_COMMAND = "return smadrive.Command(commanded_a=…) from update"
 
 
@@ -20,19 +26,22 @@ class OwnController:
     """Any object with `update(time_s, measurement, dt_s) -> Command`, as the loop needs it.
 
     The run lasts `duration_s`, or as long as the attribute `duration_s` of the controller says. ControllerError when
-    `update` returns something other than a command, or a current that is not a finite number. Errors that `update`
-    raises pass unchanged. `update` runs inside `at_once`, so an interruption may end it at any place.
+    `update` returns something other than a command, or a current that is not a finite number or is above `FAR_BEYOND`
+    times `current_max_a`. Errors that `update` raises pass unchanged. `update` runs inside `at_once`, so an
+    interruption may end it at any place.
     """
 
     def __init__(
         self,
         controller: Any,
         duration_s: float | None,
+        current_max_a: float,
         at_once: Callable[[], AbstractContextManager[None]] = nullcontext,
     ) -> None:
         self.controller = controller
         self._at_once = at_once
         self._duration_s = duration_s
+        self._current_max_a = current_max_a
 
     @property
     def name(self) -> str:
@@ -57,12 +66,21 @@ class OwnController:
             what = "update returned something else than a command"
             raise ControllerError(what, where=self.name, value=_shown(command), cure=RETURN_A_COMMAND)
         numbers = Command(*(self._number(name, value) for name, value in command._asdict().items()))
-        if not isfinite(numbers.commanded_a):
-            what = "the commanded current is not a finite number"
-            raise ControllerError(
-                what, where=self.name, value=numbers.commanded_a, cure="check how update computes the current"
-            )
+        self._check_current(numbers.commanded_a)
         return numbers
+
+    def _check_current(self, current_a: float) -> None:
+        if not isfinite(current_a):
+            what = "the commanded current is not a finite number"
+            raise ControllerError(what, where=self.name, value=current_a, cure="check how update computes the current")
+        if current_a > FAR_BEYOND * self._current_max_a:
+            raise ControllerError(
+                "the commanded current is far beyond the limit of the rig",
+                where=self.name,
+                value=f"{current_a:g} A",
+                limit=f"current_max_a = {self._current_max_a:g} A",
+                cure="command the current in amperes, and limit it in update",
+            )
 
     def _number(self, name: str, value: object) -> float:
         """Return a part of a command as a float. ControllerError when it is not a number."""

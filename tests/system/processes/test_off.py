@@ -69,6 +69,8 @@ def test_heater_is_off_before_a_missing_sensor_is_reported(hot):
         ("temperature_max_c = ", "temperature_max = "),
         ("rate_hz = ", "rate_hz = -"),
         ("high_c = ", "high_c = 9"),
+        ("rate_hz = ", "rate_hz = 2,"),
+        ("[limits]", "[limits"),
     ],
 )
 def test_off_ignores_other_errors_of_the_rig_file(hot, right, wrong):
@@ -76,7 +78,22 @@ def test_off_ignores_other_errors_of_the_rig_file(hot, right, wrong):
     text = rig.read_text()
     assert right in text
     rig.write_text(text.replace(right, wrong))
-    assert "heater off, confirmed by read-back (supply)" in off(rig).stdout
+    done = off(rig)
+    assert "heater off, confirmed by read-back (supply)" in done.stdout
+    assert done.returncode == 3  # the bead of this rig has no port
+    assert is_off(process)
+
+
+@pytest.mark.parametrize(("right", "wrong"), [('url = "', "url = "), ("[[devices]]", "[[devices")])
+def test_off_switches_off_a_device_with_a_correctable_address_and_reports_the_mistake(hot, right, wrong):
+    process, rig, _ = hot
+    text = rig.read_text()
+    assert right in text
+    rig.write_text(text.replace(right, wrong))
+    done = off(rig)
+    assert "heater off, confirmed by read-back (supply)" in done.stdout
+    assert done.returncode == 2
+    assert f"{rig}, line" in done.stderr or "not valid TOML" in done.stderr
     assert is_off(process)
 
 
@@ -99,7 +116,7 @@ def test_bad_address_of_one_device_does_not_keep_the_others_on(hot, url):
     [
         (SHIPPED, 3),
         (SHIPPED.replace("riden-rd60xx", "riden-rd99"), 2),
-        (SHIPPED.replace("rate_hz = ", "rate_hz = 20,"), 2),
+        (SHIPPED.replace("url = ", "url "), 2),
         ("", 2),
         (SHIPPED.replace("riden-rd60xx", "delta-dtb"), 2),
         (None, 2),

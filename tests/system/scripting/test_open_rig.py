@@ -172,16 +172,36 @@ def test_module_that_cannot_be_copied_travels_by_name(wire, tmp_path, monkeypatc
         assert opened.drive(controller, wire, tmp_path / "locked.h5").ticks == 11
 
 
-def test_current_of_an_own_controller_is_clamped(rig, wire):
-    class Greedy:
-        duration_s = 0.5
+class Constant:
+    """A controller with a constant command."""
 
-        def update(self, time_s, measurement, dt_s):
-            return smadrive.Command(1e6)
+    duration_s = 0.5
 
-    run = rig.drive(Greedy(), wire)
-    assert np.nanmax(run["current_a"]) < 1.05 * rig.config.limits.current_max_a
+    def __init__(self, *command):
+        self.command = smadrive.Command(*command)
+
+    def update(self, time_s, measurement, dt_s):
+        return self.command
+
+
+def test_current_of_an_own_controller_is_clamped_with_a_caveat(rig, wire):
+    limit_a = rig.config.limits.current_max_a
+    run = rig.drive(Constant(3.0 * limit_a), wire)
+    assert np.nanmax(run["current_a"]) < 1.05 * limit_a
     assert math.isnan(run.rms_percent)
+    assert [str(run.ticks) in caveat for caveat in run.caveats] == [True]
+
+
+def test_current_in_milliamperes_is_an_error_before_any_heat(rig, wire):
+    with pytest.raises(ControllerError) as caught:
+        rig.drive(Constant(300.0), wire, "milli.h5")
+    assert caught.value.limit == "current_max_a = 0.6 A"
+    assert not Path("milli.h5").exists()
+
+
+def test_setpoint_beyond_the_reach_of_the_wire_has_a_caveat(rig, wire):
+    assert len(rig.drive(Constant(0.1, math.nan, 500.0), wire).caveats) == 1
+    assert rig.drive(Constant(0.1, math.nan, 5.0), wire).caveats == ()
 
 
 def raises(error):

@@ -7,7 +7,8 @@ from smadrive.files.config import read_toml
 from smadrive.files.csv_table import read_table
 from smadrive.files.spelling import NO_TEXT
 from smadrive.hysteresis import load_model
-from smadrive.rig.config import load_off_config, load_rig
+from smadrive.rig.config import load_rig
+from smadrive.rig.switching_off.off_config import load_off_config
 from smadrive.runs.log.reader import read_log
 
 

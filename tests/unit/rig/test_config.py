@@ -9,7 +9,8 @@ import tomlkit
 
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.shipped import configs_dir
-from smadrive.rig.config import load_off_config, load_rig, rig_file
+from smadrive.rig.config import load_rig, rig_file
+from smadrive.rig.switching_off.off_config import load_off_config
 from smadrive.tuning.page.save import save_tuning
 from smadrive.wire.data_sheet import load_data_sheet
 

@@ -11,6 +11,7 @@ from smadrive.errors import ConfigError, ControllerError
 from smadrive.measurement import Measurement
 from smadrive.scripting.loop.own_controller import OwnController, check_controller
 
+LIMIT_A = 0.6
 SAMPLE = Measurement(0.0, 25.0, 0.0, 0.0)
 
 
@@ -71,7 +72,7 @@ def test_controller_with_a_duration_is_accepted(controller, duration_s):
 )
 def test_what_is_no_command_is_an_error_that_names_it(value):
     with pytest.raises(ControllerError) as caught:
-        OwnController(Returns(value), 5.0).update(0.0, SAMPLE, 0.05)
+        OwnController(Returns(value), 5.0, LIMIT_A).update(0.0, SAMPLE, 0.05)
     assert caught.value.where.startswith("Returns")
     assert len(str(caught.value)) < 200
 
@@ -79,19 +80,31 @@ def test_what_is_no_command_is_an_error_that_names_it(value):
 @pytest.mark.parametrize("current_a", [nan, inf, -inf])
 def test_current_that_is_not_finite_is_an_error(current_a):
     with pytest.raises(ControllerError, match="not a finite number"):
-        OwnController(Returns(Command(current_a)), 5.0).update(0.0, SAMPLE, 0.05)
+        OwnController(Returns(Command(current_a)), 5.0, LIMIT_A).update(0.0, SAMPLE, 0.05)
+
+
+@pytest.mark.parametrize("current_a", [20.1 * LIMIT_A, 300.0])
+def test_current_far_beyond_the_limit_is_an_error(current_a):
+    with pytest.raises(ControllerError) as caught:
+        OwnController(Returns(Command(current_a)), 5.0, LIMIT_A).update(0.0, SAMPLE, 0.05)
+    assert (caught.value.value, caught.value.limit) == (f"{current_a:g} A", "current_max_a = 0.6 A")
+
+
+@pytest.mark.parametrize("current_a", [-300.0, 0.7, 19.9 * LIMIT_A])
+def test_current_outside_of_the_limits_is_left_to_the_clamp(current_a):
+    assert OwnController(Returns(Command(current_a)), 5.0, LIMIT_A).update(0.0, SAMPLE, 0.05).commanded_a == current_a
 
 
 @pytest.mark.parametrize("number", [np.float32(0.25), np.array(0.25), Fraction(1, 4), 0.25])
 def test_every_kind_of_number_becomes_a_float(number):
-    command = OwnController(Returns(Command(number, setpoint_mm=number)), 5.0).update(0.0, SAMPLE, 0.05)
+    command = OwnController(Returns(Command(number, setpoint_mm=number)), 5.0, LIMIT_A).update(0.0, SAMPLE, 0.05)
     assert command[:3:2] == (0.25, 0.25)
     assert {type(value) for value in command} == {float}
     assert isnan(command.setpoint_c)
 
 
 def test_errors_of_the_controller_pass_unchanged():
-    controller = OwnController(object(), 5.0)
+    controller = OwnController(object(), 5.0, LIMIT_A)
     with pytest.raises(AttributeError):
         controller.update(0.0, SAMPLE, 0.05)
 
@@ -102,11 +115,11 @@ def test_controller_that_calls_exit_does_not_end_the_process_without_a_word():
             raise SystemExit
 
     with pytest.raises(ControllerError, match="update called exit"):
-        OwnController(Leaves(), 5.0).update(0.0, SAMPLE, 0.05)
+        OwnController(Leaves(), 5.0, LIMIT_A).update(0.0, SAMPLE, 0.05)
 
 
 def test_duration_follows_the_controller_unless_it_is_given():
     timed = Timed(1)
-    own, fixed = OwnController(timed, None), OwnController(timed, 7.0)
+    own, fixed = OwnController(timed, None, LIMIT_A), OwnController(timed, 7.0, LIMIT_A)
     timed.duration_s = 6.0
     assert (own.duration_s, fixed.duration_s) == (6.0, 7.0)

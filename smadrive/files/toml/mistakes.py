@@ -11,19 +11,27 @@ from typing import NamedTuple
 
 from smadrive.files.number_text import shortened, with_decimal_point
 
+QUOTES = "\"'"
+"""The two characters that begin and end a text."""
+
 _PLACE = re.compile(r"\(at line (\d+), column \d+\)$")
 _ENTRY = re.compile(r"""\s*[\w.-]+\s*=\s*(?P<value>[^"'#\[{]*[^"'#\[{\s])\s*(?:#.*)?""")
+_KEY = re.compile(r"\s*[\w.-]+\s*=\s*")
 _COMMENT = re.compile(r"\s+#.*")
 _BARE_TEXT = re.compile(r"[^\W\d][^=]*|[./~][^=]*[^\W\d][^=]*")
 
 
 class Mistake(NamedTuple):
-    """A mistake in a line: what is wrong, the value that was found, and what the user does about it."""
+    """A mistake in a line: what is wrong, the value that was found, and what the user does about it.
+
+    `corrected` is the line that the user most likely meant.
+    """
 
     line: int
     what: str
     value: str
     cure: str
+    corrected: str
 
 
 class TomlMistakeError(ValueError):
@@ -49,22 +57,27 @@ def find_mistake(text: str, message: str) -> Mistake | None:
     if _ends_in_quotes(line):
         return _missing_quote(number, line)
     entry = _ENTRY.fullmatch(line)
-    return None if entry is None else _bare_value(number, entry["value"])
+    return None if entry is None else _bare_value(number, entry)
 
 
 def _missing_quote(number: int, line: str) -> Mistake:
     found = _COMMENT.sub("", line).strip()
-    return Mistake(number, "a quote is missing", found, "put the text between two quotes of one kind")
+    key = _KEY.match(found)
+    corrected = found if key is None else f'{key[0]}"{found[key.end() :].strip(QUOTES)}"'
+    return Mistake(number, "a quote is missing", found, "put the text between two quotes of one kind", corrected)
 
 
-def _bare_value(number: int, value: str) -> Mistake | None:
-    corrected = with_decimal_point(value)
-    if corrected is not None:
-        return Mistake(number, "a number has a decimal comma", value, f"write {corrected}")
-    if value.lower() in {"true", "false"}:
-        return Mistake(number, "a truth value has a capital letter", value, f"write {value.lower()}")
+def _bare_value(number: int, entry: re.Match[str]) -> Mistake | None:
+    value = entry["value"]
+    before = entry[0][: entry.start("value")]
+    decimal = with_decimal_point(value)
+    if decimal is not None:
+        return Mistake(number, "a number has a decimal comma", value, f"write {decimal}", before + decimal)
+    if (lower := value.lower()) in {"true", "false"}:
+        return Mistake(number, "a truth value has a capital letter", value, f"write {lower}", before + lower)
     if _BARE_TEXT.fullmatch(value):
-        return Mistake(number, "a text has no quotes", shortened(value)[1:-1], f'write "{value}"')
+        text = f'"{value}"'
+        return Mistake(number, "a text has no quotes", shortened(value)[1:-1], f"write {text}", before + text)
     return None
 
 
@@ -74,6 +87,6 @@ def _ends_in_quotes(line: str) -> bool:
     for character in line:
         if character == "#" and not quote:
             return False
-        if character in {'"', "'"} and quote in {"", character}:
+        if character in QUOTES and quote in {"", character}:
             quote = "" if quote else character
     return bool(quote)

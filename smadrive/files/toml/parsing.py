@@ -9,7 +9,7 @@ from __future__ import annotations
 import tomllib
 from typing import Any
 
-from smadrive.files.toml_mistakes import TomlMistakeError, find_mistake
+from smadrive.files.toml.mistakes import TomlMistakeError, find_mistake
 
 MOST_CHARACTERS = 1 << 18
 """The largest number of characters of a text. The largest shipped config has about 8,000."""
