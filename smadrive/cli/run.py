@@ -24,11 +24,10 @@ from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.continuation import continuation_of
 from smadrive.runs.cycling.cycles import CYCLE_HEADER, Cycling, cycle_rows, cycles_of, cycling_of, thinned
-from smadrive.runs.experiments import RETURN_S, plan_tracking, read_reference, track
+from smadrive.runs.experiments import RETURN_S, check_reach, plan_tracking, read_reference, track
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop_metrics
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
-from smadrive.wire.wire_model import travel_mm
 
 HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 
@@ -110,7 +109,7 @@ def _given(config: RigConfig, reference: str | None, model: Path | None, repeat:
         raise ConfigError("is missing", where="--reference", cure=cure)
     identified = load_wire(model_file(config, model))
     given = read_reference(reference)
-    given.check_within(travel_mm(identified.model))
+    check_reach(given, identified)
     if repeat is None:
         return _Given(given, identified, None)
     repeated = given.repeated(repeat, RETURN_S)

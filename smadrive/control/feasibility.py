@@ -43,6 +43,12 @@ JUMP = 20.0
 AT_END = 0.05
 """A path begins at an end of its span if its first value is nearer to this end than this share of the span."""
 
+SLOW_S = 7200.0
+"""A reference that lasts longer than this is checked for times in ms instead of s."""
+
+SLOWEST_PER_S = 1.0 / 14_400.0
+"""A long reference that moves by less than a stroke in four hours, on average, probably has its times in ms."""
+
 VISIBLE = 6.0
 """A movement of less than this many standard deviations of the displacement sensor is lost in the sensor's noise."""
 
@@ -71,8 +77,10 @@ class Feasibility:
     `nearest` is the reference that the wire can follow: the reference itself if this is feasible. The largest error is
     `shortfall_mm`, at the time `at_s`, and `limit` names the cause of this error. While the wire fell behind, the
     mean rates of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest
-    temperature of the run. `stroke_mm` is the travel of the wire. `span_mm` is the span of the reference after its
-    approach, and `hot_start_mm` its first displacement if this lies at the hot end of the span, otherwise None.
+    temperature of the run. `stroke_mm` is the travel of the wire. `at_s` lies `in_approach` if the wire falls behind
+    before the reference itself begins. After its approach the reference lasts `scored_s` seconds, has the span
+    `span_mm` and the mean speed `speed_mm_per_s`. `hot_start_mm` is its first displacement if this lies at the hot end
+    of the span, otherwise None.
     """
 
     feasible: bool
@@ -84,7 +92,10 @@ class Feasibility:
     setpoint_mm_per_s: float
     reached_mm_per_s: float
     hottest_c: float
+    in_approach: bool
+    scored_s: float
     span_mm: float
+    speed_mm_per_s: float
     hot_start_mm: float | None
 
     @property
@@ -94,6 +105,9 @@ class Feasibility:
         if 0.0 < self.span_mm < VISIBLE * DISPLACEMENT_NOISE * self.stroke_mm:
             small = f"the reference moves by {self.span_mm:.2g} mm only, of a stroke of {self.stroke_mm:.3g} mm"
             caveats.append(f"{small}: this movement is lost in the noise of a displacement sensor; is it in mm?")
+        if self.scored_s > SLOW_S and 0.0 < self.speed_mm_per_s < SLOWEST_PER_S * self.stroke_mm:
+            slow = f"the reference lasts {self.scored_s / 3600.0:.1f} h and moves by {3600.0 * self.speed_mm_per_s:.2g}"
+            caveats.append(f"{slow} mm per hour on average; are its times in seconds?")
         if self.hot_start_mm is not None:
             start = (
                 f"the reference begins at its hot end, {self.hot_start_mm:.3g} mm, so the wire is heated there first"
@@ -128,8 +142,7 @@ class Feasibility:
         the nearest feasible reference.
         """
         if not (self.feasible or smooth):
-            slower = "" if self.slower > JUMP else f"slow the reference down about {self.slower:.1f} times, or "
-            cure = f"{slower}run the nearest reference that the wire can follow ({smooth_option})"
+            cure = f"{self._first_cure()}run the nearest reference that the wire can follow ({smooth_option})"
             raise ConfigError(str(self), where="reference", cure=cure)
         if self.hottest_c > temperature_max_c:
             raise ConfigError(
@@ -139,6 +152,12 @@ class Feasibility:
                 limit=f"{temperature_max_c:g} °C",
                 cure="lower the highest displacement, or raise temperature_max_c if the data sheet allows it",
             )
+
+    def _first_cure(self) -> str:
+        """Return the beginning of the cure for a reference that is not feasible; "" for a jump."""
+        if self.in_approach and self.limit == "cooling":
+            return "let the wire cool first, because it is still hot (in Python: rig.cool_down(60)), or "
+        return "" if self.slower > JUMP else f"slow the reference down about {self.slower:.1f} times, or "
 
 
 def simulate_run(
@@ -188,7 +207,8 @@ def _judge(reference: Reference, ticks: Array, travel_mm: float) -> Feasibility:
     begins = int(np.max(np.flatnonzero(missed_mm[: worst + 1] < 0.1 * missed_mm[worst]), initial=0))
     span = slice(begins, max(worst, begins + 1) + 1)
     duration_s = float(time_s[span][-1] - time_s[span][0])
-    scored_mm = reference.displacement_mm[reference.times_s >= reference.scored_from_s]
+    scored = reference.times_s >= reference.scored_from_s
+    scored_mm, scored_s = reference.displacement_mm[scored], float(np.ptp(reference.times_s[scored]))
     nearest = Reference(time_s, reached_mm, reference.scored_from_s, endless=reference.endless)
     return Feasibility(
         feasible,
@@ -200,7 +220,10 @@ def _judge(reference: Reference, ticks: Array, travel_mm: float) -> Feasibility:
         float(setpoint_mm[span][-1] - setpoint_mm[span][0]) / duration_s,
         float(reached_mm[span][-1] - reached_mm[span][0]) / duration_s,
         float(temperature_c.max()),
+        bool(time_s[worst] < reference.scored_from_s),
+        scored_s,
         float(np.ptp(scored_mm)),
+        float(np.abs(np.diff(scored_mm)).sum()) / scored_s if scored_s else 0.0,
         float(scored_mm[0]) if _begins_hot(scored_mm, travel_mm) else None,
     )
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from smadrive.errors import DataError
 from smadrive.files.atomic import replacing
 from smadrive.files.kinds import TABLE, check_kind
-from smadrive.files.number_text import parse_number, shortened
+from smadrive.files.number_text import is_number, parse_number, shortened
 from smadrive.files.spelling import NO_TEXT, NO_TEXT_CURE, missing_file_cure, suggestion_or_list
 
 Array = NDArray[np.float64]
@@ -81,6 +81,7 @@ def read_table(path: Path) -> Table:
         raise DataError("no samples", where=path, cure="write a header line and at least one line of numbers")
     header = [name.strip() for name in rows[0][1]]
     _check_separator(path, header)
+    _check_header(path, header)
     for line, row in rows[1:]:
         _check_length(path, line, row, header)
     columns = [(name, [row[n] for _, row in rows[1:]]) for n, name in enumerate(header)]
@@ -97,13 +98,19 @@ def _check_separator(path: Path, header: Sequence[str]) -> None:
         )
 
 
+def _check_header(path: Path, header: Sequence[str]) -> None:
+    if all(is_number(name) for name in header):
+        cure = "write the names of the columns into the first line, for example time_s,displacement_mm"
+        raise DataError("the first line holds numbers, no names", where=path, value=",".join(header)[:60], cure=cure)
+
+
 def _check_length(path: Path, line: int, row: Sequence[str], header: Sequence[str]) -> None:
     if len(row) != len(header):
         raise DataError(
             "the line and the header differ in their number of cells",
             where=f"{path}, line {line}",
             value=f"line: {len(row)}, header: {len(header)}",
-            cure="repair the line",
+            cure="write decimal points, not commas" if len(row) == 2 * len(header) else "repair the line",
         )
 
 

@@ -20,6 +20,15 @@ def parse_number(text: str) -> float:
     return float(_checked(text, _NUMBER))
 
 
+def is_number(text: str) -> bool:
+    """Return True if `parse_number` can read `text`."""
+    try:
+        parse_number(text)
+    except ValueError:
+        return False
+    return True
+
+
 def parse_whole(text: str) -> int:
     """Return the whole number in `text`, decimal or hexadecimal as 0x8000. ValueError for any other text."""
     digits = _checked(text, _WHOLE)

@@ -16,6 +16,12 @@ COLDEST_C = 250.0
 SPANS_MM = (0.1, 1000.0)
 """Smallest and largest usual span of a displacement. Wires are a few mm to 20 m long, and move by a few percent."""
 
+COLDEST_HEATED_C = 40.0
+"""A record of a heated wire in °C goes above this temperature; a displacement that was taken for it often does not."""
+
+FAR_MM = 10.0
+"""A displacement usually begins near 0. Temperatures that were taken for it are all above this value."""
+
 STRAINS = (0.001, 0.1)
 """Strokes over lengths: a wire in use moves by 2 to 5 % of its length; nickel-titanium recovers 8 % at most."""
 
@@ -35,6 +41,15 @@ def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
         meant = "metres" if high - low < SPANS_MM[0] else "micrometres"
         return (f"{name} moves by {high - low:.6g} in all, which looks like {meant}: convert it to mm",)
     return ()
+
+
+def swap_doubts(names: tuple[str, str], v: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return the reason to doubt that `v` is a temperature and `y` a displacement, if they look exchanged."""
+    is_swapped = float(v.max()) < COLDEST_HEATED_C and float(y.min()) > FAR_MM and np.ptp(y) > np.ptp(v)
+    if not (names[0].endswith("_c") and names[1].endswith("_mm") and is_swapped):
+        return ()
+    ranges = f"{names[0]} ranges from {v.min():.4g} to {v.max():.4g}, {names[1]} from {y.min():.4g} to {y.max():.4g}"
+    return (f"{ranges}: are the two columns exchanged?",)
 
 
 def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tuple[str, ...]:

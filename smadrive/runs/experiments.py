@@ -6,8 +6,8 @@ Each experiment is checked before the wire is heated, and recorded in a log. `Wa
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -19,7 +19,7 @@ from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.loop import LoopMetrics, StopRequested, Tick
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
-from smadrive.errors import ProtocolError, TransportError
+from smadrive.errors import ConfigError, ProtocolError, TransportError
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import TABLE
 from smadrive.hysteresis import HysteresisModel
@@ -126,6 +126,28 @@ def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetric
         return rig.drive(controller, rig.nominal_balance, record)
 
 
+def check_reach(given: Reference, identified: IdentifiedWire) -> None:
+    """Raise ConfigError when the reference leaves the reach of the wire; doubts about the model are its notes."""
+    with _doubts_noted(identified):
+        given.check_within(travel_mm(identified.model))
+
+
+@contextmanager
+def _doubts_noted(identified: IdentifiedWire) -> Iterator[None]:
+    """Add the caveats of the wire to a ConfigError in the `with` block: often the model is wrong, not the reference."""
+    try:
+        yield
+    except ConfigError as error:
+        for caveat in _caveats_of(identified):
+            error.add_note(f"the model has a caveat: {caveat}")
+        raise
+
+
+def _caveats_of(identified: IdentifiedWire) -> list[str]:
+    source = Path(identified.source).name
+    return [f"{source}: {caveat}" if source else caveat for caveat in identified.caveats]
+
+
 def plan_tracking(
     rig: Rig,
     given: Reference,
@@ -141,18 +163,17 @@ def plan_tracking(
     nearest reference; without `smooth`, ConfigError names `smooth_option`, the option of the user that sets `smooth`.
     """
     wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance)
-    start, given = _start(rig, given, wire)
     limit_c = rig.config.limits.temperature_max_c
-    simulated = _simulated(rig, given, wire, start)
-    simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option)
-    nearest = simulated.nearest
-    if cycling is not None:
-        given, nearest = (one.repeated(cycling.remaining, RETURN_S) for one in (given, nearest))
-        _simulated(rig, nearest, wire, start).check(limit_c, smooth=smooth, smooth_option=smooth_option)
-    source = Path(identified.source).name
-    of_the_model = (f"{source}: {caveat}" if source else caveat for caveat in identified.caveats)
+    with _doubts_noted(identified):
+        start, given = _start(rig, given, wire)
+        simulated = _simulated(rig, given, wire, start)
+        simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option)
+        nearest = simulated.nearest
+        if cycling is not None:
+            given, nearest = (one.repeated(cycling.remaining, RETURN_S) for one in (given, nearest))
+            _simulated(rig, nearest, wire, start).check(limit_c, smooth=smooth, smooth_option=smooth_option)
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
-    caveats = *simulated.caveats, *of_the_model, *not_adapted
+    caveats = *simulated.caveats, *_caveats_of(identified), *not_adapted
     return PlannedTracking(given, nearest, wire, caveats, cycling)
 
 

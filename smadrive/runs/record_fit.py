@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import LOG, TABLE
-from smadrive.identification.column_units import time_doubts, unit_doubts
+from smadrive.files.spelling import suggestion
+from smadrive.identification.column_units import swap_doubts, time_doubts, unit_doubts
 from smadrive.identification.thermal import ThermalFit
 from smadrive.identification.wire import AnyFit, FitSettings, identify_hysteresis, identify_wire
 from smadrive.runs.log.reader import Log, read_log
@@ -53,11 +55,21 @@ def fit_file(path: Path, columns: tuple[str, str], settings: FitSettings) -> Rec
             "neither a log nor a CSV", where=path, cure="give the log (.h5) of `smadrive excite`, or a .csv"
         )
     table = read_table(path)
+    check_table_columns(path, columns, table.cells)
     v, y = (table.column(name) for name in columns)
     fit = fit_columns(v, y, columns, settings)
     if "time_s" not in table.cells:
         return fit
     return replace(fit, caveats=(*time_doubts(table.column("time_s"), columns[0], v), *fit.caveats))
+
+
+def check_table_columns(where: object, columns: tuple[str, str], names: Iterable[str]) -> None:
+    """Raise DataError if a table, called `where`, has no column with one of the two names. `names` are its columns."""
+    in_order = sorted(names)
+    for option, name in zip(("input", "output"), columns, strict=True):
+        if name not in in_order:
+            other = f"choose another column with `{option}`; known are: {', '.join(in_order)}"
+            raise DataError(f"no column '{name}'", where=where, cure=suggestion(name, in_order) or other)
 
 
 def check_log_columns(path: Path, columns: tuple[str, str]) -> None:
@@ -85,5 +97,5 @@ def fit_columns(
 ) -> RecordFit:
     """Fit the hysteresis of output `y` on input `v`; the columns' `names` contain their units."""
     fit = identify_hysteresis(v, y, settings)
-    doubts = (*unit_doubts(names[0], v), *unit_doubts(names[1], y))
+    doubts = swap_doubts(names, v, y) or (*unit_doubts(names[0], v), *unit_doubts(names[1], y))
     return RecordFit(fit, None, (*doubts, *fit.caveats), names)

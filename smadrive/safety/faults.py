@@ -110,7 +110,10 @@ class Fault(Enum):
         self.remedy = remedy
 
 
-CLEAR = "Clear it once its cause is gone: `smadrive off RIG --clear-faults`, or Clear faults on the tuning page"
+CLEAR = (
+    "Clear it once its cause is gone: `smadrive off RIG --clear-faults`, Clear faults on the tuning page, or "
+    "rig.clear_faults() in Python"
+)
 """The cure in errors about a latched fault."""
 
 

@@ -15,6 +15,7 @@ from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
 from smadrive.rig.config import RigConfig
+from smadrive.runs.experiments import check_reach
 from smadrive.runs.log.reader import read_log
 from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
 from smadrive.scripting.arguments import (
@@ -47,7 +48,6 @@ from smadrive.scripting.loop.messages import (
 from smadrive.scripting.loop.own_controller import check_controller
 from smadrive.scripting.progress import shown_progress
 from smadrive.scripting.run import Run
-from smadrive.wire.wire_model import travel_mm
 
 
 class OpenRig:
@@ -153,7 +153,7 @@ class OpenRig:
         """
         path = new_log(log, "run")
         identified, given = wire_of_argument(wire), reference_of_argument(reference)
-        given.check_within(travel_mm(identified.model))
+        check_reach(given, identified)
         request = TrackRequest(path.absolute(), given, identified, bool(smooth), cycling_of_argument(given, repeat))
         return self._run("tracking", request, path)
 

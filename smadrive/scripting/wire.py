@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from smadrive.errors import ConfigError, DataError
+from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL
 from smadrive.files.spelling import suggestion_or_list
@@ -20,7 +19,16 @@ from smadrive.numerics.arrays import paired_vectors
 from smadrive.numerics.scalars import whole_number
 from smadrive.runs.figures.fit_plots import loop_figure, model_figure
 from smadrive.runs.plots import PlotFigure
-from smadrive.runs.record_fit import INPUT, OUTPUT, RecordFit, check_log_columns, fit_columns, fit_file, fit_log
+from smadrive.runs.record_fit import (
+    INPUT,
+    OUTPUT,
+    RecordFit,
+    check_log_columns,
+    check_table_columns,
+    fit_columns,
+    fit_file,
+    fit_log,
+)
 from smadrive.scripting.arguments import path_text
 from smadrive.scripting.run import Run
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -126,16 +134,9 @@ def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], settings:
     if isinstance(data, str | os.PathLike):
         return fit_file(Path(data), columns, settings), str(data)
     if hasattr(data, "keys") and hasattr(data, "__getitem__"):
-        v, y = paired_vectors(_column(data, columns[0]), _column(data, columns[1]), columns)
+        # keys(): a DataFrame iterates over its columns, others do not; coordinates of a Dataset are no keys
+        check_table_columns("data", columns, map(str, (*data.keys(), *getattr(data, "coords", ()))))
+        v, y = paired_vectors(np.asarray(data[columns[0]]), np.asarray(data[columns[1]]), columns)
         return fit_columns(v, y, columns, settings), ""
     cure = "pass a run, the path of a log or CSV file, a table with columns by name, or two arrays"
     raise ConfigError("no record", where="data", value=type(data).__qualname__, cure=cure)
-
-
-def _column(table: Any, name: str) -> NDArray[np.float64]:
-    """Return the column `name` of a table. DataError when the table has no such column."""
-    names = [str(key) for key in table.keys()]  # noqa: SIM118 (a DataFrame iterates over its columns, others do not)
-    coordinates = [str(key) for key in getattr(table, "coords", ())]
-    if name not in [*names, *coordinates]:
-        raise DataError(f"no column '{name}'", where="data", cure=suggestion_or_list(name, names))
-    return np.asarray(table[name])

@@ -1,4 +1,4 @@
-"""Frequent mistakes in a TOML file: a decimal comma, a missing quote, a text without quotes.
+"""Frequent mistakes in a TOML file: a decimal comma, a missing quote, a text without quotes, a key given twice.
 
 The parser names the place of a mistake and the rule of the format that is broken. The user needs the value and the
 cure.
@@ -16,6 +16,9 @@ QUOTES = "\"'"
 
 _PLACE = re.compile(r"\(at line (\d+), column \d+\)$")
 _ENTRY = re.compile(r"""\s*[\w.-]+\s*=\s*(?P<value>[^"'#\[{]*[^"'#\[{\s])\s*(?:#.*)?""")
+_TWICE = "Cannot overwrite a value"
+"""The beginning of the parser's message about a key that a table already has."""
+
 _KEY = re.compile(r"\s*[\w.-]+\s*=\s*")
 _COMMENT = re.compile(r"\s+#.*")
 _BARE_TEXT = re.compile(r"[^\W\d][^=]*|[./~][^=]*[^\W\d][^=]*")
@@ -54,6 +57,8 @@ def find_mistake(text: str, message: str) -> Mistake | None:
         return next((_missing_quote(number, lines[number - 1]) for number in unclosed), None)
     number = int(place[1])
     line = lines[number - 1]
+    if message.startswith(_TWICE):
+        return Mistake(number, "a key is given twice", line.strip(), "keep one of the two lines", "")
     if _ends_in_quotes(line):
         return _missing_quote(number, line)
     entry = _ENTRY.fullmatch(line)

@@ -40,6 +40,9 @@ ENDS_WITHIN_S = 30.0
 OBEYS_WITHIN_S = 10.0
 """After `ABORTS_AT` interruptions, the loop process is killed if it still runs after this time in s."""
 
+ENDED_BEFORE = "the request was done before the interruption, and no current flows"
+"""The message of a KeyboardInterrupt that came too late to interrupt a request. Every request ends at zero current."""
+
 _running: WeakSet[LoopClient] = WeakSet()
 
 Show = Callable[[RunProgress], None]
@@ -104,14 +107,14 @@ class LoopClient:
         Its message says so.
         LoopProcessError if the process has died. ControllerError if a controller cannot be pickled.
         """
-        message = pickled(request)
         with self._one_call, CountedInterrupts() as interrupts:
+            message = pickled(request)
             self._number += 1
             self._progress = None
             self._send(REQUEST + self._number.to_bytes(NUMBER_BYTES) + message)
             reply = self._reply(interrupts, show)
         if interrupts.count and not isinstance(reply, Failure):
-            raise KeyboardInterrupt
+            raise KeyboardInterrupt(ENDED_BEFORE)
         if isinstance(reply, Failure):
             raise _explained(reply.error) from (RemoteTracebackError(reply.traceback) if reply.traceback else None)
         return reply.value
@@ -155,6 +158,9 @@ class LoopClient:
         self.is_death_raised = True
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(ENDS_WITHIN_S)
+        if self._process.returncode == 0:
+            what, cure = "it has ended, because `smadrive off`, a signal or an error stopped it", "open the rig again"
+            return LoopProcessError(what, where="process of the loop", cure=cure)
         return LoopProcessError(
             "it has died; the watchdog of the device, or the guardian, switches the heater off",
             where="process of the loop",

@@ -219,6 +219,15 @@ def test_idle_loop_that_is_killed_is_an_error_once():
     assert not rig.is_open
 
 
+def test_idle_loop_that_was_stopped_has_not_died():
+    rig = smadrive.open_rig("in-process")
+    os.kill(rig._client.pid, signal.SIGTERM)
+    wait_for(lambda: rig._client.is_lost)
+    with rig, pytest.raises(LoopProcessError) as caught:
+        rig.measure()
+    assert (caught.value.value, caught.value.cure) == (None, "open the rig again")
+
+
 def test_rig_that_a_script_opens_twice_is_busy_by_this_script(tmp_path):
     with on_a_port(tmp_path) as (rig_file, _), smadrive.open_rig(rig_file) as rig:
         with pytest.raises(BusyError, match="this script") as refused:

@@ -1,6 +1,7 @@
 """The mistakes of a script: each is an error of one sentence, and nothing heats."""
 
 import threading
+from dataclasses import replace
 
 import pytest
 
@@ -106,3 +107,16 @@ def test_mistake_is_one_sentence_with_its_parts(rig, wire, act, kind, text):
     assert caught.value.what
     assert len(str(caught.value).splitlines()) == 1
     assert not rig.measure().armed
+
+
+def test_caveats_of_the_model_are_notes_of_a_reference_that_it_cannot_follow(rig, wire):
+    doubtful = replace(wire, caveats=("displacement_mm looks like metres",))
+    with pytest.raises(ConfigError) as caught:
+        rig.track(_sine(high_mm=40), doubtful)
+    assert len(caught.value.__notes__) == 1
+    with pytest.raises(ConfigError) as caught:
+        rig.track(_sine(period_s=1), doubtful)  # simulated in the loop process
+    assert any("metres" in note for note in caught.value.__notes__)
+    with pytest.raises(ConfigError) as caught:
+        rig.track(_sine(high_mm=40), wire)
+    assert not hasattr(caught.value, "__notes__")

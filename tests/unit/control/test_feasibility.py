@@ -1,11 +1,14 @@
 """Feasibility: a feasible reference passes; for any other the error gives the reason and the nearest feasible one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from smadrive.control.controllers.tracking import TrackingSettings
 from smadrive.control.feasibility import REASONS, simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
@@ -123,3 +126,25 @@ def test_reference_that_begins_at_its_hot_end_gives_a_caveat(spec, hot_start_mm)
     _, found = simulated(spec)
     assert found.hot_start_mm == hot_start_mm
     assert len(found.caveats) == (hot_start_mm is not None) + (not found.feasible)
+
+
+def test_reference_with_times_in_milliseconds_gives_a_caveat():
+    times_s = np.arange(0.0, 40_000.0, 500.0)
+    reference = Reference.from_samples(times_s, 4.0 - 3.0 * np.cos(2.0 * np.pi * times_s / 40_000.0))
+    slow = replace(SETTINGS, period_s=5.0)
+    start = WireState(22.0, LOOP.initial_state(22.0))
+    found = simulate_run(reference.with_approach(0.0, 10.0), WIRE, HysteresisInverse(LOOP), slow, start)
+    assert [" h " in caveat for caveat in found.caveats[:1]] == [True]
+    assert found.scored_s == times_s[-1]
+
+
+def test_wire_that_is_still_hot_before_the_reference_should_cool_first():
+    reference = parse_reference("triangle:low_mm=1,high_mm=6,period_s=80,cycles=1").with_approach(11.0, 2.0)
+    found = simulate_run(
+        reference, WIRE, HysteresisInverse(LOOP), SETTINGS, WireState(120.0, LOOP.initial_state(120.0))
+    )
+    assert (found.in_approach, found.limit) == (True, "cooling")
+    with pytest.raises(ConfigError) as error:
+        found.check(temperature_max_c=135.0, smooth=False, smooth_option=OPTION)
+    assert "cool" in error.value.cure
+    assert "slow" not in error.value.cure

@@ -52,6 +52,18 @@ def test_error_names_file_and_cell(tmp_path, text, place, named):
     assert caught.value.cure
 
 
+def test_numbers_in_the_first_line_are_no_names(tmp_path):
+    with pytest.raises(DataError) as caught:
+        table(tmp_path, "0.0,21.5\n0.1,21.6\n")
+    assert (caught.value.value, "time_s" in caught.value.cure) == ("0.0,21.5", True)
+
+
+def test_decimal_commas_between_commas_are_named(tmp_path):
+    with pytest.raises(DataError) as caught:
+        table(tmp_path, "time_s,temperature_c\n0,0,21,5\n0,1,21,6\n")
+    assert caught.value.cure == "write decimal points, not commas"
+
+
 def test_misspelled_column_is_suggested(tmp_path):
     with pytest.raises(DataError) as caught:
         table(tmp_path, "time_s,temprature_c\n0,1\n").column("temperature_c")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smadrive.identification.column_units import stroke_doubts, time_doubts, unit_doubts
+from smadrive.identification.column_units import stroke_doubts, swap_doubts, time_doubts, unit_doubts
 
 
 @pytest.mark.parametrize(
@@ -64,3 +64,20 @@ def test_slow_oven_and_another_input_are_not_doubted():
     of_an_oven_s = np.linspace(0.0, 200.0 * 60.0, LOOP_C.size)
     assert time_doubts(of_an_oven_s, "temperature_c", LOOP_C) == ()
     assert time_doubts(1e3 * of_an_oven_s, "current_a", LOOP_C) == ()
+
+
+NAMES = ("temperature_c", "displacement_mm")
+
+
+@pytest.mark.parametrize(
+    ("names", "v", "y", "doubts"),
+    [
+        (NAMES, (0.0, 12.0), (20.0, 120.0), 1),
+        (NAMES, (20.0, 120.0), (0.0, 12.0), 0),
+        (NAMES, (20.0, 120.0), (150.0, 162.0), 0),
+        (NAMES, (20.0, 35.0), (0.0, 2.0), 0),
+        (("strain", "displacement_mm"), (0.0, 12.0), (20.0, 120.0), 0),
+    ],
+)
+def test_exchanged_columns_are_doubted(names, v, y, doubts):
+    assert len(swap_doubts(names, np.linspace(*v, 50), np.linspace(*y, 50))) == doubts
