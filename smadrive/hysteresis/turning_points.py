@@ -51,6 +51,17 @@ def reversed_at(turns: Turns, v: float) -> Turns:
     return (*turns, v) if len(turns) < MOST_TURNS else turns[:-1]
 
 
+def stays(turns: Turns, end: float) -> bool:
+    """Return True if a move of the input to `end` wipes out no turning point: it is one piece, and `turns` stay.
+
+    The direction of the move is the direction that `turns` tells.
+    """
+    count = len(turns)
+    if count % 2 == 1:
+        return count == 1 or end < turns[-2]
+    return end > turns[-2]
+
+
 def pieces(turns: Turns, end: float) -> tuple[list[Piece], Turns]:
     """Return the pieces of a move of the input to `end`, and the turning points after this move.
 

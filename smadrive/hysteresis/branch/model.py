@@ -10,12 +10,11 @@ The first guess is the exact solution for constant a and b, v1 = v0 + ln((a w1 +
 
 from __future__ import annotations
 
-from math import log
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from smadrive.hysteresis.branch.root import find_input
+from smadrive.hysteresis.branch.root import find_input, first_guess
 from smadrive.hysteresis.model import HysteresisModel, HysteresisState
 
 if TYPE_CHECKING:
@@ -85,14 +84,6 @@ class BranchModel(HysteresisModel):
         near, far = self.engine.clamp(state.v), self.engine.upper if rising else self.engine.lower
         if near == far:
             return near, state.w
-        guess = _first_guess(self.engine.local_law(near, rising=rising), near, state.w, w, far)
+        a, b = self.engine.local_law(near, rising=rising)
+        guess = first_guess(a, a * state.w + b, w - state.w, near, far)
         return find_input(section, w, near, far, guess, rising=rising)
-
-
-def _first_guess(law: tuple[float, float], v0: float, w0: float, w1: float, far: float) -> float:
-    a, b = law
-    start, end = a * w0 + b, a * w1 + b
-    if a == 0 or start <= 0 or end <= 0:
-        return far
-    guess = v0 + log(end / start) / a
-    return guess if min(v0, far) < guess < max(v0, far) else far

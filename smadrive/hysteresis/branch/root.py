@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import log
 
 _ITERATIONS = 100
 _CLOSE = 1e-13  # of w
@@ -41,3 +42,15 @@ def find_input(
         else:
             v = far
     return v, w
+
+
+def first_guess(a: float, slope: float, change: float, near: float, far: float) -> float:
+    """Return the input between `near` and `far` at which the state has changed by `change`, by the law at `near`.
+
+    The law is dw/dv = a w + b, and `slope` is its dw/dv at `near`. If the law leads outside, the result is `far`.
+    """
+    end = slope + a * change
+    if slope <= 0 or end <= 0:
+        return far
+    guess = near + (log(end / slope) / a if a else change / slope)
+    return guess if near < guess < far or far < guess < near else far

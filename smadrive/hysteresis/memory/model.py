@@ -21,22 +21,21 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis.branch.certify import turned_share
-from smadrive.hysteresis.branch.root import Section, find_input
+from smadrive.hysteresis.branch.root import Section, find_input, first_guess
 from smadrive.hysteresis.certificate import Certificate
 from smadrive.hysteresis.memory.plane import PreisachPlane
 from smadrive.hysteresis.memory.trajectory import plane_states
 from smadrive.hysteresis.model import HysteresisModel, HysteresisState
-from smadrive.hysteresis.turning_points import MOST_TURNS, Memory, Turns, pieces, reversed_at
+from smadrive.hysteresis.turning_points import MOST_TURNS, Memory, pieces, reversed_at, stays
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.scalars import real_number
 
 if TYPE_CHECKING:
     from smadrive.hysteresis.fuzzy import Rule
-    from smadrive.hysteresis.memory.plane import MemoryRule
+    from smadrive.hysteresis.memory.rule import MemoryRule
     from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 
 _ROUNDING = 1e-12
@@ -101,32 +100,28 @@ class TSFuzzyPreisach(HysteresisModel):
     def branch_slope(self, v: FloatArray, *, rising: bool) -> FloatArray:
         """Return dw/dv at the inputs `v` on the heating branch if `rising`, otherwise on the cooling branch."""
         turn = self.input_range[0 if rising else 1]
-        plane = [self.plane.slope(float(one), turn, rising=rising) for one in np.ravel(v)]
+        plane = [self.plane.slope(float(one), turn, rising) for one in np.ravel(v)]
         slope = self._rest * self.local.branch_slope(v, rising=rising) + self.share * np.reshape(plane, np.shape(v))
         return np.asarray(slope)
 
     def slope(self, state: HysteresisState, direction: int) -> float:
         """Return dy/dv at `state`, for an input that rises (direction > 0) or falls."""
-        memory, rising = _memory(state), direction > 0
-        turn = memory.turns[-1] if rising == memory.rising else state.v
-        local = self._engine.slope(memory.local, state.v, rising)
-        return self.scale * (self._rest * local + self.share * self.plane.slope(state.v, turn, rising=rising))
+        local, _, turns, _ = state.memory or _memory(state)
+        v, rising = state.v, direction > 0
+        plane = self.plane.slope(v, turns[-1] if rising == (len(turns) % 2 == 1) else v, rising)
+        return self.scale * (self._rest * self._engine.slope(local, v, rising) + self.share * plane)
 
-    def _state(self, v: float, local: float, plane: float, turns: Turns, dropped: int = 0) -> HysteresisState:
-        w = self._rest * local + self.share * plane
-        return HysteresisState(v, self.offset + self.scale * w, w, Memory(local, plane, turns, dropped))
-
-    def _clamp(self, v: float) -> float:
-        lower, upper = self.input_range
-        return min(max(v, lower), upper)
+    def _state(self, v: float, memory: Memory) -> HysteresisState:
+        w = self._rest * memory[0] + self.share * memory[1]
+        return HysteresisState(v, self.offset + self.scale * w, w, memory)
 
     def _on_branch(self, v: float) -> HysteresisState:
-        inside = self._clamp(v)
+        inside = self._engine.clamp(v)
         local, plane = self._engine.target(inside, rising=True), self.plane.branch(inside, rising=True)
-        return self._state(v, local, plane, self.input_range[:1])
+        return self._state(v, Memory(local, plane, self.input_range[:1]))
 
     def _between(self, v: float, w: float) -> HysteresisState:
-        inside = self._clamp(v)
+        inside = self._engine.clamp(v)
         (x_up, p_up), (x_down, p_down) = (
             (self._engine.target(inside, rising=rising), self.plane.branch(inside, rising=rising))
             for rising in (True, False)
@@ -135,104 +130,101 @@ class TSFuzzyPreisach(HysteresisModel):
         place = min(max((w - bottom) / (top - bottom), 0.0), 1.0) if top - bottom > _ROUNDING else 0.0
         plane = p_up + place * (p_down - p_up)
         local = min(max((w - self.share * plane) / self._rest, 0.0), 1.0) if self._rest > 0 else x_up
-        return self._state(v, local, plane, self._history(inside, plane))
-
-    def _history(self, v: float, p: float) -> Turns:
-        """Return the turning points of the first-order reversal curve of the plane through (v, p)."""
-        lower, upper = self.input_range
-
-        def excess(turn: float) -> float:
-            return self.plane.branch(turn, rising=False) + self.plane.everett(v, turn) - p
-
-        if excess(lower) >= -_ROUNDING:
-            return (lower,)
-        if excess(v) <= _ROUNDING:
-            return lower, upper
-        return lower, upper, float(brentq(excess, lower, v, xtol=1e-12))
+        return self._state(v, Memory(local, plane, self.plane.history(inside, plane, self.input_range)))
 
     def _moved(self, state: HysteresisState, v: float) -> HysteresisState:
-        memory, v0, v1 = _memory(state), self._clamp(state.v), self._clamp(v)
+        engine, v0, v1 = self._engine, state.v, v
+        if not (engine.lower <= v0 <= engine.upper and engine.lower <= v1 <= engine.upper):
+            v0, v1 = engine.clamp(v0), engine.clamp(v1)
+        return self._state(v, self._carried(state.memory or _memory(state), v0, v1))
+
+    def _carried(self, memory: Memory, v0: float, v1: float) -> Memory:
+        """Return the memory after the input has moved from v0 to v1, both in the range."""
         if v1 == v0:
-            return HysteresisState(v, state.y, state.w, memory)
+            return memory
         local, plane, turns, dropped = memory
         rising = v1 > v0
-        if rising != memory.rising:
+        if rising != (len(turns) % 2 == 1):
             dropped += 2 * (len(turns) >= MOST_TURNS)
             turns = reversed_at(turns, v0)
-        parts, turns = pieces(turns, v1)
-        start = v0
-        for turn, end in parts:
-            plane += self._change(turn, start, end, rising)
-            start = end
-        plane = min(max(plane, self.plane.branch(v1, rising=True)), self.plane.branch(v1, rising=False))
-        return self._state(v, self._engine.move(local, v0, v1), plane, turns, dropped)
+        if stays(turns, v1):
+            plane += self.plane.change(v0, v1, turns[-1], rising)
+        else:
+            start = v0
+            parts, turns = pieces(turns, v1)
+            for turn, end in parts:
+                plane += self.plane.change(start, end, turn, rising)
+                start = end
+        return Memory(self._engine.move(local, v0, v1), self.plane.clamp(plane, v1), turns, dropped)
 
-    def _change(self, turn: float, start: float, end: float, rising: bool) -> float:
-        """Return the change of p while the input moves from `start` to `end` on the section that began at `turn`."""
-        if rising:
-            return self.plane.everett(end, turn) - self.plane.everett(start, turn)
-        return self.plane.everett(turn, start) - self.plane.everett(turn, end)
-
-    def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
+    def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:  # noqa: ARG002
         """Return `state` with the input v and the output at v on the present section; no turning point is added.
 
         The shift may go backwards on this section. Before its turning point, the section before is used.
         """
-        memory, v0, v1 = _memory(state), self._clamp(state.v), self._clamp(v)
-        turn, rising = memory.turns[-1], memory.rising
+        clamp = self._engine.clamp
+        return self._state(v, self._shifted(_memory(state), clamp(state.v), clamp(v)))
+
+    def _shifted(self, memory: Memory, v0: float, v1: float) -> Memory:
+        local, plane, turns, dropped = memory
+        turn, rising = turns[-1], memory.rising
         if v1 == v0 or (v1 > v0) == rising:
-            return self._moved(state, v)
-        if len(memory.turns) == 1 or (v1 >= turn if rising else v1 <= turn):
-            local, _ = self._engine.section(memory.local, v0, rising)(v1)
-            plane = memory.plane + self._change(turn, v0, v1, rising)
-            return self._state(v, local, plane, memory.turns, memory.dropped)
-        at_turn = self.shifted(state, turn, direction)
-        before = _memory(at_turn)._replace(turns=memory.turns[:-1])
-        return self._moved(at_turn._replace(memory=before), v)
+            return self._carried(memory, v0, v1)
+        if len(turns) == 1 or (v1 >= turn if rising else v1 <= turn):
+            plane += self.plane.change(v0, v1, turn, rising)
+            return Memory(self._engine.section(local, v0, rising)(v1)[0], plane, turns, dropped)
+        at_turn = self._shifted(memory, v0, turn)
+        return self._carried(at_turn._replace(turns=turns[:-1]), turn, v1)
 
     def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:
         """Return `state` with the input v, and with its output corrected towards y; no turning point is added.
 
         Rules and plane get the same correction, limited to the states that each can have at v.
         """
-        shifted = self.shifted(state, v, 1)
-        local, plane, turns, dropped = _memory(shifted)
-        error, inside = (y - self.offset) / self.scale - shifted.w, self._clamp(v)
-        low, high = (self.plane.branch(inside, rising=rising) for rising in (True, False))
-        plane = min(max(plane + error, low), high)
-        return self._state(v, min(max(local + error, 0.0), 1.0), plane, turns, dropped)
+        clamp, inside = self._engine.clamp, self._engine.clamp(v)
+        local, plane, turns, dropped = self._shifted(_memory(state), clamp(state.v), inside)
+        error = (y - self.offset) / self.scale - self._rest * local - self.share * plane
+        local, plane = min(max(local + error, 0.0), 1.0), self.plane.clamp(plane + error, inside)
+        return self._state(v, Memory(local, plane, turns, dropped))
 
     def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
         """Return the input that takes the wire from `state` to the state w in one direction, and the state there.
 
         If no input of the range leads to w, the result is the end of the range, and the state at this end.
         """
-        memory, v = _memory(state), self._clamp(state.v)
-        rising = w > state.w
+        memory, v, before = _memory(state), self._engine.clamp(state.v), state.w
+        rising = w > before
         far = self.input_range[1 if rising else 0]
         if v == far:
-            return v, state.w
+            return v, before
         turns = memory.turns if rising == memory.rising else reversed_at(memory.turns, v)
-        local, plane = self._engine.section(memory.local, v, rising), memory.plane
+        x, plane = memory.local, memory.plane
+        local = self._engine.section(x, v, rising)
         for turn, end in pieces(turns, far)[0]:
             section = self._section(local, plane, turn, v, rising)
-            if end == far or (section(end)[0] >= w) == rising:
-                return find_input(section, w, v, end, end, rising=rising)
-            plane += self._change(turn, v, end, rising)
-            v = end
-        raise AssertionError("the last piece ends at the end of the range")
+            a, b = self._engine.local_law(v, rising=rising)
+            of_rules = self._rest * (a * x + b)
+            slope = of_rules + self.share * self.plane.slope(v, turn, rising)
+            guess = first_guess(a * of_rules / slope if slope > 0 else 0.0, slope, w - before, v, end)
+            found, before = find_input(section, w, v, end, guess, rising=rising)
+            if found != end:
+                break
+            plane += self.plane.change(v, end, turn, rising)
+            x, v = local(end)[0], end
+        return found, before
 
     def _section(self, local: Section, plane: float, turn: float, start: float, rising: bool) -> Section:
         """Return the function that gives w and dw/dv at an input of the section that began at `turn`.
 
         `plane` is the state p at the input `start` of this section, and `local` gives x and its slope.
         """
+        since, rest, share = self.plane.since, self._rest, self.share
+        at_turn = plane - since(start, turn, rising)[0]
 
         def at(v: float) -> tuple[float, float]:
             x, x_slope = local(v)
-            p = plane + self._change(turn, start, v, rising)
-            slope = self.plane.slope(v, turn, rising=rising)
-            return self._rest * x + self.share * p, self._rest * x_slope + self.share * slope
+            p, slope = since(v, turn, rising)
+            return rest * x + share * (at_turn + p), rest * x_slope + share * slope
 
         return at
 

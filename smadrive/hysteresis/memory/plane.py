@@ -20,12 +20,16 @@ turning point.
 from __future__ import annotations
 
 from bisect import bisect_right
-from typing import TYPE_CHECKING, NamedTuple
+from math import inf, nan, nextafter
+from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import brentq
 
 from smadrive.errors import ModelError
 from smadrive.files.number_text import shortened
+from smadrive.hysteresis.memory.rule import MemoryRule, memory_rules
+from smadrive.hysteresis.turning_points import Turns
 from smadrive.numerics.arrays import FloatArray, float_array
 
 if TYPE_CHECKING:
@@ -35,25 +39,12 @@ MOST_THRESHOLDS = 200
 """The largest number of thresholds on each axis. A wire needs at most 40."""
 
 _ROUNDING = 1e-9
+_CLOSE = 1e-12
 
+_Piece = tuple[float, float, float, float, float, float]
+"""Turning point, lowest input, first input above the piece, slope, an input of the piece, and p there."""
 
-class MemoryRule(NamedTuple):
-    """One rule of a Preisach plane for its state p: IF three premises hold THEN dp = b dv.
-
-    The premises: the input v is from `lower` to `upper`, v rises (`direction` +1) or falls (-1), and the last turning
-    point of v is about `turn`. b is in 1/(unit of v).
-    """
-
-    lower: float
-    upper: float
-    direction: int
-    turn: float
-    b: float
-
-    def __str__(self) -> str:
-        motion = "rises" if self.direction > 0 else "falls"
-        where = f"v is from {self.lower:.6g} to {self.upper:.6g} AND v {motion}"
-        return f"IF {where} AND the last turning point is about {self.turn:.6g} THEN dp = {self.b:.6g} dv"
+_NO_PIECE: _Piece = (nan, nan, nan, nan, nan, nan)
 
 
 class PreisachPlane:
@@ -76,20 +67,16 @@ class PreisachPlane:
         self._up: list[float] = self.up_thresholds.tolist()
         self._down: list[float] = self.down_thresholds.tolist()
         self._last_up, self._last_down = len(self._up) - 2, len(self._down) - 2
+        self._columns: list[list[float]] = (-table.T).tolist()
+        self._latest = [_NO_PIECE, _NO_PIECE]  # of falling and of rising input
+        self._knots: list[float] = np.union1d(self.up_thresholds, self.down_thresholds).tolist()
+        self._bounds = self._tabulated_bounds()
 
     @property
     def rules(self) -> tuple[MemoryRule, ...]:
         """The rules whose slope b is not 0: first those for rising input, then those for falling input."""
-        found = []
-        for direction, cells, turns, table in (
-            (1, self._up, self._down, np.diff(self.table, axis=0)),
-            (-1, self._down, self._up, -np.diff(self.table, axis=1).T),
-        ):
-            slopes = table / np.diff(cells)[:, None]
-            for cell, place in np.argwhere(slopes > 0).tolist():
-                b = float(slopes[cell, place])
-                found.append(MemoryRule(cells[cell], cells[cell + 1], direction, turns[place], b))
-        return tuple(found)
+        rising = memory_rules(1, self._up, self._down, np.diff(self.table, axis=0))
+        return (*rising, *memory_rules(-1, self._down, self._up, -np.diff(self.table, axis=1).T))
 
     def everett(self, a: float, b: float) -> float:
         """Return the Everett function: the mass of the relays with an up-threshold ≤ a and a down-threshold ≥ b."""
@@ -117,27 +104,104 @@ class PreisachPlane:
         high = (1 - t) * values.take(corner + columns) + t * values.take(corner + columns + 1)
         return np.asarray((1 - s) * low + s * high)
 
-    def slope(self, v: float, turn: float, *, rising: bool) -> float:
+    def slope(self, v: float, turn: float, rising: bool) -> float:
         """Return the slope dp/dv of the plane's state p at the input v, upward if `rising`, otherwise downward.
 
         The section of the input began at the turning point `turn`.
         """
-        up, down = self._up, self._down
-        if rising:
-            if not up[0] <= v <= up[-1] or turn >= down[-1]:
-                return 0.0
-            i = min(bisect_right(up, v) - 1, self._last_up)
-            width = up[i + 1] - up[i]
-            return (self.everett(up[i + 1], turn) - self.everett(up[i], turn)) / width
-        if not down[0] <= v <= down[-1] or turn <= up[0]:
-            return 0.0
-        j = min(bisect_right(down, v) - 1, self._last_down)
-        width = down[j + 1] - down[j]
-        return (self.everett(turn, down[j]) - self.everett(turn, down[j + 1])) / width
+        piece = self._latest[rising]
+        if piece[0] != turn or not piece[1] <= v < piece[2]:
+            piece = self._piece(v, turn, rising)
+        return piece[3]
+
+    def change(self, start: float, end: float, turn: float, rising: bool) -> float:
+        """Return the change of p while the input moves from `start` to `end` on the section that began at `turn`.
+
+        The section rises if `rising`, otherwise it falls; the move itself may go backwards on it.
+        """
+        piece = self._latest[rising]
+        if piece[0] != turn or not piece[1] <= start < piece[2]:
+            piece = self._piece(start, turn, rising)
+        if piece[1] <= end < piece[2]:
+            return piece[3] * (end - start)
+        _, _, _, slope, anchor, value = piece
+        before = value + slope * (start - anchor)
+        _, _, _, slope, anchor, value = self._piece(end, turn, rising)
+        return value + slope * (end - anchor) - before
+
+    def since(self, v: float, turn: float, rising: bool) -> tuple[float, float]:
+        """Return the change of p since the turning point `turn` at the input v of the section, and the slope dp/dv."""
+        _, _, _, slope, anchor, value = self._piece(v, turn, rising)
+        return value + slope * (v - anchor), slope
+
+    def _piece(self, v: float, turn: float, rising: bool) -> _Piece:
+        """Return the straight piece of p at v, on the section that began at `turn`; p is counted from the turn.
+
+        A controller asks for a piece many times in a row, so the latest piece of each direction is kept.
+        """
+        piece = self._latest[rising]
+        if piece[0] == turn and piece[1] <= v < piece[2]:
+            return piece
+        knots, rows = (self._up, self._rows) if rising else (self._down, self._columns)
+        across = self._down if rising else self._up
+        last = len(knots) - 1
+        cell = min(max(bisect_right(knots, v) - 1, 0), last - 1)
+        place = min(max(bisect_right(across, turn) - 1, 0), len(across) - 2)
+        share = min(max((turn - across[place]) / (across[place + 1] - across[place]), 0.0), 1.0)
+        row, above = rows[cell], rows[cell + 1]
+        value = row[place] + share * (row[place + 1] - row[place])
+        top = above[place] + share * (above[place + 1] - above[place])
+        low, high = knots[cell], knots[cell + 1]
+        slope = (top - value) / (high - low)
+        if v < low:
+            piece = turn, -inf, low, 0.0, low, value
+        elif v > high:
+            piece = turn, nextafter(high, inf), inf, 0.0, high, top
+        else:
+            piece = turn, low, high if cell < last - 1 else nextafter(high, inf), slope, low, value
+        self._latest[rising] = piece
+        return piece
 
     def branch(self, v: float, *, rising: bool) -> float:
         """Return the plane's state p at v on the heating branch if `rising`, otherwise on the cooling branch."""
         return self.everett(v, self._down[0]) if rising else 1.0 - self.everett(self._up[-1], v)
+
+    def clamp(self, p: float, v: float) -> float:
+        """Return p, clamped to the states between the branches of the plane at the input v."""
+        cell = bisect_right(self._knots, v)
+        anchor, heating, heating_slope, cooling, cooling_slope = self._bounds[cell]
+        low = heating + heating_slope * (v - anchor)
+        if p < low:
+            return low
+        high = cooling + cooling_slope * (v - anchor)
+        return high if p > high else p  # noqa: FURB136 (min() costs a call in the hot path)
+
+    def _tabulated_bounds(self) -> list[tuple[float, float, float, float, float]]:
+        """Return a row for each cell between two thresholds of either axis, and for the two outer ends of the axes.
+
+        A row holds an input, and the value and the slope of the heating and of the cooling branch there.
+        """
+        knots = np.array(self._knots)
+        heating, cooling = (self.branches(knots, rising=rising) for rising in (True, False))
+        slopes = [np.append(np.diff(branch) / np.diff(knots), 0.0).tolist() for branch in (heating, cooling)]
+        rows = list(zip(self._knots, heating.tolist(), slopes[0], cooling.tolist(), slopes[1], strict=True))
+        return [(self._knots[0], heating.tolist()[0], 0.0, cooling.tolist()[0], 0.0), *rows]
+
+    def history(self, v: float, p: float, ends: tuple[float, float]) -> Turns:
+        """Return the turning points of the first-order reversal curve through (v, p). `ends` is the range of v.
+
+        The curve falls from the upper end to one turning point, and rises from there to v.
+        """
+        lower, upper = ends
+
+        def excess(turn: float) -> float:
+            return self.branch(turn, rising=False) + self.everett(v, turn) - p
+
+        if excess(lower) >= -_CLOSE:
+            return (lower,)
+        if excess(v) <= _CLOSE:
+            return lower, upper
+        return lower, upper, float(brentq(excess, lower, v, xtol=1e-12))
 
     def branches(self, v: FloatArray, *, rising: bool) -> FloatArray:
         """Return the state of the plane at the inputs `v`: the heating branch if `rising`, else the cooling branch."""
