@@ -19,7 +19,7 @@ The class says where the cause lies; the message names what is wrong, where, the
     │   ├── TripError           a latched trip
     │   ├── TakenOverError      the guardian has taken over the heater
     │   ├── FrontSilentError    no process answers OFF of the tuning page
-    │   └── LoopProcessError    the process of the loop died
+    │   └── LoopProcessError    the loop process of a script has ended
     ├── ControllerError         a controller of the user fails              exit code 2
     └── IdentificationError     the data do not determine the model             exit code 5
 
@@ -162,7 +162,7 @@ class IdentityError(DeviceError):
 
 
 class ReadBackError(DeviceError):
-    """A written register reads back another value."""
+    """The value that was read back from a register differs from the written value."""
 
 
 class SafetyError(SmadriveError):
@@ -195,11 +195,11 @@ class FrontSilentError(SafetyError):
 
 
 class LoopProcessError(SafetyError):
-    """The process that ran the loop of a script died. The watchdog or the guardian switches the heater off."""
+    """The loop process of a script has ended. If it died, the watchdog or the guardian switches the heater off."""
 
 
 class ControllerError(SmadriveError):
-    """A controller of the user returned something other than a command, or raised an error that cannot be pickled."""
+    """A controller of the user returned no valid command, or raised an error that cannot be pickled."""
 
     exit_code = 2
 

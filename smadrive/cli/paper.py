@@ -35,9 +35,9 @@ PAPER_ERROR = (-1.2, 1.0)
 class Errors:
     """The errors of a rebuilt model: its output minus that of the Duhem model.
 
-    `major` and `mixed` hold the least and the greatest error on the two loops of the paper, in the unit of k = 40.
-    `unseen_percent` is about `RANDOM_LOOPS` random loops that no fit used: the median and the maximum of their largest
-    errors, in % of k.
+    `major` and `mixed` hold the least and the greatest error on the two loops of the paper, in the unit of the output,
+    which rises by k = 40 in all. `unseen_percent` is about `RANDOM_LOOPS` random loops that no fit used: the median and
+    the maximum of their largest errors, in % of k.
     """
 
     name: str

@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from smadrive.devices.identity import UNKNOWN, Identity, IdentityCheck, IdentityDoubt, Proof
+from smadrive.devices.identity import UNKNOWN, Identity, IdentityCheck, IdentityDoubt, TypeCheck
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import RegisterReading
 from smadrive.devices.profile.schema import WriteOrder
@@ -62,8 +62,8 @@ class Device:
         self.clock = client.clock
         self.unit_id = profile.unit_id if unit_id is None else unit_id
         self.identity = identity
-        self.proof = Proof.NOT_ASKED
-        self._proof_if_checked = Proof.PROVED if profile.proves_type else Proof.ANSWERED
+        self.type_check = TypeCheck.NOT_ASKED
+        self._type_if_checked = TypeCheck.PROVED if profile.proves_type else TypeCheck.ANSWERED
         self._check = IdentityCheck(profile, self.unit_id)
         self._registers = RegisterAccess(profile, client, self.unit_id, timing)
         self._has_switch = False
@@ -93,7 +93,7 @@ class Device:
             raise
         self._registers.use(model.profile)
         self._has_switch, self.identity = model.has_switch, model.identity
-        self.proof, self._proved_on, self._doubt.is_raised = self._proof_if_checked, connection, False
+        self.type_check, self._proved_on, self._doubt.is_raised = self._type_if_checked, connection, False
 
     def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, RegisterReading]:
         """Read the registers `names` in as few requests as possible, and return their readings.
@@ -170,7 +170,7 @@ class Device:
 
     def _confirm_identity(self) -> None:
         """Check the identity if registers can prove it, because another device may have answered the read-backs."""
-        if self._proof_if_checked is Proof.PROVED or self.identity:
+        if self._type_if_checked is TypeCheck.PROVED or self.identity:
             self.check_identity()
 
     def _write(self, write: RegisterWrite) -> None:

@@ -26,8 +26,8 @@ Identity = Mapping[str, float | str]
 UNKNOWN: Identity = MappingProxyType({})
 
 
-class Proof(Enum):
-    """What the driver knows about the type of a device: it did not ask, the device answered, or the type is proved."""
+class TypeCheck(Enum):
+    """The result of the check of a device's type: not asked yet, the device answered, or its type is proved."""
 
     NOT_ASKED = "not asked"
     ANSWERED = "it answers; its type cannot be proved"
@@ -60,12 +60,12 @@ class DeviceType:
 
     profile: str
     vendor: str
-    proof: Proof
+    check: TypeCheck
 
     def __str__(self) -> str:
         """Return one line for the user. For a type that is not proved, it names the rig file as the source."""
         name = f"{self.profile} ({self.vendor})"
-        return name if self.proof is Proof.PROVED else f"{name}, by the rig file: {self.proof.value}"
+        return name if self.check is TypeCheck.PROVED else f"{name}, by the rig file: {self.check.value}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ SUBSTITUTES = {
     "“": '"',
     "”": '"',
 }
-"""The spelling in ASCII of characters that smadrive prints; any other such character becomes a question mark."""
+"""The spelling in ASCII of characters that smadrive prints; any other character is escaped."""
 
 
 def ascii_text(text: str) -> str:

@@ -85,12 +85,15 @@ def invalid_toml(error: ValueError | RecursionError, path: Path) -> ConfigError:
 
 
 def load_config(path: Path, kind: type[ConfigT]) -> ConfigT:
-    """Return the file as a valid section of type `kind`. ConfigError names file, key, value and cure in one line."""
+    """Return the content of the file as an object of `kind`, a subclass of Section.
+
+    ConfigError names file, key, value and cure in one line.
+    """
     return validate(read_toml(path), kind, where=str(path))
 
 
 def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT:
-    """Return `tables` as a valid section of type `kind`. ConfigError describes the problem in one line.
+    """Return `tables` as an object of `kind`, a subclass of Section. ConfigError describes the problem in one line.
 
     The error names `where`. If there are unknown keys, the error names only these, because a misspelled key
     also makes the correct key missing. Otherwise the error describes the first problem and gives the number of the

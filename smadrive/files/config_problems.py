@@ -23,7 +23,7 @@ _CURES = {
 
 
 def config_problems(problems: list[dict[str, Any]], kind: type[BaseModel]) -> str:
-    """Describe the problems that pydantic found in a section `kind`, in one line.
+    """Return one line that describes the problems that pydantic found in a section of the class `kind`.
 
     A misspelled key also makes the correct key missing, so unknown keys come first, then missing keys. All keys with
     this kind of problem are named; of other problems only the first. The line ends with the number of the others.

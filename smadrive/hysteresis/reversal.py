@@ -78,7 +78,7 @@ class DeadBand:
 
 
 def filter_reversals(v: ArrayLike, radius: float) -> FloatArray:
-    """Return the filtered inputs of a path `v` (samples,). `DeadBand` returns the same values sample by sample."""
+    """Return a path `v` (samples,) without its reversals smaller than 2 · `radius`, as `DeadBand` removes them."""
     band = DeadBand(radius)
     return np.array([band.update(sample) for sample in finite_array("input v", v).tolist()])
 

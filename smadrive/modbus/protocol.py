@@ -122,7 +122,10 @@ class ClientProtocol:
         return Outcome(Verdict.FOREIGN, reply)
 
     def _whole(self, reply: bytes, size: int, arrived: Verdict, now_s: float) -> Outcome | None:
-        """Return the outcome of a reply with the right head; on RTU, return None until `size` bytes have arrived."""
+        """Return the outcome of a reply with the right head; on RTU, return None until `size` bytes have arrived.
+
+        `arrived` is the verdict on an intact reply to which no older request can belong.
+        """
         if len(reply) < size and not self._framing.numbered:
             return None
         if len(reply) != size:

@@ -126,7 +126,7 @@ def read_trace(path: Path) -> tuple[bool, list[TraceLine]]:
 
 
 def content_of(frame: bytes, *, numbered: bool) -> tuple[int, bytes] | None:
-    """Return unit id and PDU of a frame; None if the frame is damaged or incomplete."""
+    """Return unit id and PDU of a frame; None if it is damaged or incomplete. `numbered`: a Modbus TCP frame."""
     if not numbered:
         return (frame[0], frame[1:-2]) if rtu.crc_holds(frame) else None
     whole = len(frame) > mbap.HEADER_SIZE and mbap.frame_size(frame) == len(frame)

@@ -16,7 +16,7 @@ from smadrive.control.controllers.temperature import Controller
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.loop import ControlLoop, LoopMetrics, StopRequested, Tick, never
 from smadrive.control.references.reference import Reference
-from smadrive.devices.identity import DeviceType, Proof
+from smadrive.devices.identity import DeviceType, TypeCheck
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.latch import TripLatch
 from smadrive.devices.stopping.listener import StopListener
@@ -99,7 +99,7 @@ class Rig:
     def identities(self) -> dict[str, DeviceType]:
         """The type of each device, by the device's name, with the proof of this type."""
         return {
-            name: DeviceType(device.profile.profile.id, device.profile.profile.vendor, device.proof)
+            name: DeviceType(device.profile.profile.id, device.profile.profile.vendor, device.type_check)
             for name, device in self.devices.items()
         }
 
@@ -109,7 +109,7 @@ class Rig:
         IdentityError when another device answers, TransportError when none answers.
         """
         for device in self.devices.values():
-            if device.proof is Proof.NOT_ASKED:
+            if device.type_check is TypeCheck.NOT_ASKED:
                 device.check_identity()
         return self.identities
 

@@ -200,7 +200,7 @@ def step_metrics(log: Log) -> StepMetrics:
 
 
 def step_caveats(log: Log) -> tuple[str, ...]:
-    """Return a reason to distrust a manual step: its temperature was not reached."""
+    """Return a reason to distrust a manual step whose temperature was not reached; otherwise return nothing."""
     setpoint_c, end_c = step_of(log).temperature_c, step_metrics(log).temperature_end_c
     if setpoint_c is None or not abs(end_c - setpoint_c) > NOT_REACHED_K:
         return ()

@@ -31,7 +31,7 @@ class SafetyLimits:
     misplaced_for_s: float = 2.0
 
     def device_faults(self, measurement: Measurement) -> tuple[str, str | None]:
-        """Return the latched faults of the device, and the limit of the rig with which the device has compared.
+        """Return the latched faults of the device, and the limit of the rig that the measurement has exceeded.
 
         The limit is None for faults without such a limit.
         """

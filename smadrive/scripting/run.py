@@ -49,8 +49,9 @@ class Run:
         run["displacement_mm"]
 
     `run[name]` is a column as a float64 array, with NaN where nothing was measured; `columns` lists the names. Tracking
-    errors are in percent of the stroke, without the approach; they are NaN for a run without a setpoint. `log` holds
-    events and metadata. `controller` is the user's controller as it was at the end of the run.
+    errors are in percent of the stroke. They leave out the approach, in which the wire moves to the beginning of the
+    reference, and are NaN for a run without a setpoint. `log` holds events and metadata. `controller` is the user's
+    controller as it was at the end of the run.
     """
 
     def __init__(self, log: Log, *, missed_deadlines: int | None = None, controller: Any = None) -> None:

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from functools import partial
 
 from smadrive.devices.heating.text_line import Exchange, TextLine
-from smadrive.devices.identity import UNKNOWN, Proof
+from smadrive.devices.identity import UNKNOWN, TypeCheck
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.retry import retry_all
 from smadrive.errors import (
@@ -53,9 +53,9 @@ class TCLabBoard:
         self._identified = False
 
     @property
-    def proof(self) -> Proof:
+    def type_check(self) -> TypeCheck:
         """PROVED if the device has returned the banner of a TCLab, otherwise NOT_ASKED."""
-        return Proof.PROVED if self._identified else Proof.NOT_ASKED
+        return TypeCheck.PROVED if self._identified else TypeCheck.NOT_ASKED
 
     def check_identity(self) -> None:
         """Prove that the device is a TCLab; IdentityError if the board has not proved it after `boot_ms`."""

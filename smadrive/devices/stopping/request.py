@@ -61,9 +61,10 @@ class StopRequest:
     process: int | None
 
     def wait(self, deadline_s: float) -> StoppedDriver:
-        """Wait until the driver has released the line; kill it at `deadline_s`, and then wait for its guardian.
+        """Wait until the driver has released the line. At `deadline_s`, kill a driver that has not released it.
 
-        SafetyError when this user may not stop the driver.
+        Then also wait for the end of the driver's guardian, the process that switches off in its place. SafetyError
+        when this user may not stop the driver.
         """
         if self._is_released(deadline_s):
             return StoppedDriver(self.driver.pid, killed=False)

@@ -1,8 +1,8 @@
 """Reads a TOML text with mistakes as far as possible, because a mistake in a file must not keep a heater on.
 
 A line that the parser rejects is replaced by its most likely correction. If there is no correction, or the parser
-rejects it too, the line is left out. Instead of the header of a table, a header that no reader asks for is put in.
-So the keys below a rejected header cannot become keys of the table above it.
+rejects it too, the line is left out. A rejected header of a table becomes the header of a table that nothing reads.
+Otherwise the keys below this header would become keys of the table above it.
 """
 
 from __future__ import annotations

@@ -177,9 +177,9 @@ class TSFuzzyPreisach(HysteresisModel):
         return self._carried(at_turn._replace(turns=turns[:-1]), turn, v1)
 
     def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:
-        """Return `state` with the input v, and with its output corrected towards y; no turning point is added.
+        """Return `state` with the input v and, if the model can have it at v, the output y. The turning points stay.
 
-        Rules and plane get the same correction, limited to the states that each can have at v.
+        The states x of the rules and p of the plane change by the same amount, each within the states possible at v.
         """
         clamp, inside = self._engine.clamp, self._engine.clamp(v)
         local, plane, turns, dropped = self._shifted(_memory(state), clamp(state.v), inside)

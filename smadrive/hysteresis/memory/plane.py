@@ -164,12 +164,12 @@ class PreisachPlane:
 
     def branch(self, v: float, *, rising: bool) -> float:
         """Return the plane's state p at v on the heating branch if `rising`, otherwise on the cooling branch."""
-        return self.everett(v, self._down[0]) if rising else 1.0 - self.everett(self._up[-1], v)
+        anchor, heating, heating_slope, cooling, cooling_slope = self._bounds[bisect_right(self._knots, v)]
+        return heating + heating_slope * (v - anchor) if rising else cooling + cooling_slope * (v - anchor)
 
     def clamp(self, p: float, v: float) -> float:
         """Return p, clamped to the states between the branches of the plane at the input v."""
-        cell = bisect_right(self._knots, v)
-        anchor, heating, heating_slope, cooling, cooling_slope = self._bounds[cell]
+        anchor, heating, heating_slope, cooling, cooling_slope = self._bounds[bisect_right(self._knots, v)]
         low = heating + heating_slope * (v - anchor)
         if p < low:
             return low

@@ -94,14 +94,14 @@ class PlaneProblem:
     def residuals(self, output: FloatArray, masses: FloatArray) -> FloatArray:
         """Return the weighted residuals of `output` (samples,) with these `masses`, then those of the prior.
 
-        The shape is (samples and pairs,); a pair is two neighbouring cells.
+        The shape is (samples + pairs,); a pair is two neighbouring cells of the plane.
         """
         return self._padded(output) - self.rows[:, :-1] @ masses
 
     def unexplained(self, changes: FloatArray, active: np.ndarray) -> FloatArray:
         """Return the part of `changes` of the output that no change of the `active` masses can explain.
 
-        `changes` has the shape (samples, unknowns), the mask `active` (cells,), and the result (samples and pairs,
+        `changes` has the shape (samples, unknowns), the mask `active` (cells,), and the result (samples + pairs,
         unknowns).
         """
         rows, padded = self.rows[:, :-1][:, active], self._padded(changes)

@@ -41,7 +41,10 @@ def differing_settings(logs: Sequence[Log]) -> dict[str, tuple[str, ...]]:
 
 
 def _is_follow_up(name: str, texts: Sequence[str]) -> bool:
-    """Return True for a value that the model of a run does not have: the setting `model` shows this difference."""
+    """Return True if `name` is a value of models, and one of the models lacks it (an empty text in `texts`).
+
+    The setting `model` already shows that the models differ.
+    """
     return name.startswith((MODEL, BALANCE)) and "" in texts
 
 

@@ -41,7 +41,7 @@ class LoopTiming:
 
 
 def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: bool) -> str:
-    """Return the line of the header: heater, active limits, model, loop timing, and whether this page has control."""
+    """Return the header as HTML: heater, active limits, model, loop timing, and whether this page has control."""
     mode, limits = status["mode"], status["limited_by"]
     tuning = status["tuning"]
     certified = f"contracting, {tuning['invertible_percent']:.1f} % invertible"
@@ -63,7 +63,7 @@ def _dropped_chip(memory: dict[str, Any]) -> str:
 
 
 def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:
-    """Return the line of the header of a page without controls: the devices, and the timing of the measurements."""
+    """Return the header of a page without controls as HTML: the devices, and the timing of the measurements."""
     devices = "; ".join(f"{name}: {identity}" for name, identity in status["devices"].items())
     return "".join(
         [
@@ -75,7 +75,7 @@ def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:
 
 
 def watch_banner_html(status: dict[str, Any]) -> str:
-    """Return a lost device, the latched faults of the rig, and a fault of the thermocouple."""
+    """Return the HTML that names a lost device, latched faults and a fault of the thermocouple; empty without any."""
     lines = _device_lines(status, clear="run `smadrive off RIG --clear-faults`")
     if status["latched"]:
         lines.append(
@@ -85,7 +85,7 @@ def watch_banner_html(status: dict[str, Any]) -> str:
 
 
 def banner_html(status: dict[str, Any], note: str) -> str:
-    """Return the faults with their remedy, a lost device, warnings about the model, and `note`.
+    """Return as HTML the faults with their remedies, a lost device, warnings about the model, and `note`.
 
     `note` says how the last action of this page ended.
     """
@@ -119,7 +119,7 @@ def _lines_html(lines: list[tuple[str, str]]) -> str:
 
 
 def events_html(events: list[tuple[float, str]]) -> str:
-    """Return the table of the latest events; the newest comes first."""
+    """Return the HTML of the table of the latest events; the newest comes first."""
     lines = [
         f"<tr><td>{time_s:.1f} s</td><td>{escape(text)}</td></tr>" for time_s, text in reversed(events[-SHOWN_EVENTS:])
     ]
@@ -127,7 +127,7 @@ def events_html(events: list[tuple[float, str]]) -> str:
 
 
 def scores_html(comparison: dict[str, Any]) -> str:
-    """Return the slots A and B, each with its tuning and its score; the slot that drives the wire is marked."""
+    """Return the HTML of the slots A and B with tuning and score; the slot that drives the wire is marked."""
     cells = []
     for slot in ("A", "B"):
         mean_percent, cycles = comparison["scores"][slot]

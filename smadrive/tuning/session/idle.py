@@ -30,7 +30,7 @@ class Idle:
         self._due_s = -inf
 
     def sample(self, now_s: float) -> Measurement | None:
-        """Return one measurement at zero current. Return None if a device or the safe state fails."""
+        """Return one measurement at zero current; None if a device is silent or the safe state is not confirmed."""
         try:
             if now_s > self._due_s:
                 self._enter_safe_state(now_s)

@@ -7,7 +7,7 @@ from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
-from smadrive.devices.identity import Proof
+from smadrive.devices.identity import TypeCheck
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError, DeadlineError, IdentityError, TripError
 from smadrive.identification.wire import identify_wire
@@ -77,10 +77,10 @@ def bench():
 def test_every_device_is_known_and_measures_its_part(bench):
     with bench.rig as rig:
         assert list(rig.identities) == ["supply", "reader", "laser"]
-        assert {name: identity.proof for name, identity in rig.identities.items()} == {
-            "supply": Proof.PROVED,
-            "reader": Proof.ANSWERED,
-            "laser": Proof.ANSWERED,
+        assert {name: identity.check for name, identity in rig.identities.items()} == {
+            "supply": TypeCheck.PROVED,
+            "reader": TypeCheck.ANSWERED,
+            "laser": TypeCheck.ANSWERED,
         }
         rig.heater.arm(1.0)
         last = bench.heat(rig, 0.25, 60)[-1]
@@ -97,8 +97,8 @@ def test_every_device_is_known_and_measures_its_part(bench):
 def test_unasked_device_is_not_reported_as_answering(bench):
     bench = Bench(rig_of(devices(laser={"measures": []})))
     with bench.rig as rig:
-        assert rig.identities["laser"].proof is Proof.NOT_ASKED
-        assert rig.identify()["laser"].proof is Proof.ANSWERED
+        assert rig.identities["laser"].check is TypeCheck.NOT_ASKED
+        assert rig.identify()["laser"].check is TypeCheck.ANSWERED
 
 
 def test_an_unused_device_that_is_silent_is_found_by_asking_every_device(bench):

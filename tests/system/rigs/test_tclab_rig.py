@@ -16,7 +16,7 @@ from firmware_sim.devices.replay import Replay
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
-from smadrive.devices.identity import Proof
+from smadrive.devices.identity import TypeCheck
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError, TripError
 from smadrive.hysteresis import DuhemModel, save_model
@@ -43,7 +43,7 @@ def rig_of(*devices):
 def test_wire_on_a_tclab_is_excited_identified_and_tracked(tmp_path):
     excited, tracked = tmp_path / "excited.h5", tmp_path / "tracked.h5"
     with Rig(rig_of(BOARD, LASER)) as rig:
-        assert rig.identities["board"].proof is Proof.PROVED
+        assert rig.identities["board"].check is TypeCheck.PROVED
         excitation = rig.excitation(22.0)
         with record_excitation(excited, rig, excitation) as recorder:
             rig.excite(excitation, recorder.tick)

@@ -21,7 +21,7 @@ SHRINKS = 1.6
 """The axis shrinks when its span is more than this many times that of a new axis."""
 
 STEPS = 10
-"""The ends of the axis are multiples of a round number, about this share of the span."""
+"""The ends of the axis are multiples of a round number: about the span divided by this."""
 
 Ends = tuple[float, float]
 

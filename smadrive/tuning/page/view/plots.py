@@ -73,7 +73,10 @@ class Plots(TimePlots):
         self._fit_error_axis()
 
     def show_rows(self, rows: Rows, window: tuple[float, float] | None) -> None:
-        """Draw only these rows, as TimePlots does. `show_model` must have been called before."""
+        """Draw only these rows. `window` is the beginning and the end to show, in s; None shows the newest minute.
+
+        `show_model` must have been called before.
+        """
         super().show_rows(rows, window)
         self._fit_error_axis()
 

@@ -59,7 +59,7 @@ class SampleHistory:
         return float(oldest[_TIME]), float(self._rows[self._count - 1, _TIME])
 
     def window(self, from_s: float, to_s: float, most: int) -> Rows:
-        """Return the samples from `from_s` to `to_s`, and one more at either end, reduced to at most `most` samples."""
+        """Return at most `most` samples from `from_s` to `to_s`, including the sample before and the sample after."""
         parts = [_between(rows, from_s, to_s) for rows in (self._old, self._rows[: self._count])]
         return reduced(np.concatenate(parts), most)
 

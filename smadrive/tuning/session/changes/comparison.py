@@ -12,7 +12,7 @@ from smadrive.tuning.tuning import Tuning
 
 @dataclass
 class Score:
-    """The RMS error of each cycle of one slot, in percent of the stroke."""
+    """The RMS errors of the cycles that one slot (A or B) has driven, each in percent of the stroke."""
 
     cycles: list[float] = field(default_factory=list)
 
@@ -23,7 +23,7 @@ class Score:
 
 
 class Comparison:
-    """The slots with their tunings and scores. `turn` is the slot that drives the present cycle, or None.
+    """The slots A and B with their tunings and scores. `turn` is the slot that drives the present cycle, or None.
 
     The error is setpoint minus measured displacement. Without a sensor, the estimated displacement is used.
     """
