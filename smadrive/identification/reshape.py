@@ -30,12 +30,17 @@ from smadrive.hysteresis import (
     TSFuzzyPreisach,
 )
 from smadrive.hysteresis.fuzzy import FuzzySets
+from smadrive.hysteresis.memory.plane import in_plane
 from smadrive.hysteresis.tsfuzzy import Law, MembershipGrid
 from smadrive.identification.tsfuzzy.monotone import monotone
 from smadrive.numerics.arrays import FloatArray
 
 _INVERTIBLE = 0.999
 """Slopes are corrected if `Certificate.invertible_share` is below this value. A smaller error is not worth the time."""
+
+
+_CLOSEST = 1e-6
+"""The least distance of thresholds at an end of the input range, as a share of the range."""
 
 
 class BranchShape(NamedTuple):
@@ -129,9 +134,36 @@ def _moved_with_memory(model: TSFuzzyPreisach, heating: _Move, cooling: _Move, s
         ),
     )
     plane = model.plane
-    moved = PreisachPlane(heating.forth(plane.up_thresholds), cooling.forth(plane.down_thresholds), plane.mass)
+    up, down = heating.forth(plane.up_thresholds), cooling.forth(plane.down_thresholds)
+    moved = moved_plane(up, down, plane.mass, model.input_range)
     assert isinstance(rules, TSFuzzyDuhem)
     return TSFuzzyPreisach(rules, moved, model.share)
+
+
+def moved_plane(up: FloatArray, down: FloatArray, mass: FloatArray, ends: tuple[float, float]) -> PreisachPlane:
+    """Return the plane with the thresholds `up` and `down`, which have moved, and with the masses `mass` of its cells.
+
+    Thresholds outside the input range `ends` move to its ends. The mass of a cell whose relays would switch off above
+    their up-threshold goes to the next cell in which no relay does. The sum of the masses stays 1.
+    """
+    up, down = _within(up, ends), _within(down, ends)
+    allowed, masses = in_plane(up, down), mass.copy()
+    for i, j in np.argwhere((masses > 0) & ~allowed).tolist():
+        later = np.flatnonzero(allowed[i:, j])
+        row, column = (i + int(later[0]), j) if later.size else (len(up) - 2, _last(allowed[-1, : j + 1]))
+        masses[row, column] += masses[i, j]
+        masses[i, j] = 0.0
+    return PreisachPlane(up, down, masses)
+
+
+def _last(allowed: np.ndarray) -> int:
+    return int(np.flatnonzero(allowed)[-1])
+
+
+def _within(thresholds: FloatArray, ends: tuple[float, float]) -> FloatArray:
+    """Return the thresholds within the range `ends`, still ascending."""
+    steps = _CLOSEST * (ends[1] - ends[0]) * np.arange(len(thresholds))
+    return np.asarray(np.clip(thresholds, ends[0] + steps, ends[1] - steps[::-1]))
 
 
 def _check(model: IdentifiedModel, shape: BranchShape) -> None:

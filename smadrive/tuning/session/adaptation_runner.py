@@ -17,8 +17,8 @@ from math import isfinite, nan
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
 from smadrive.control.loop import Tick
 from smadrive.errors import ConfigError
-from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
-from smadrive.identification.adaptation import Adaptation
+from smadrive.hysteresis import DuhemModel
+from smadrive.identification.adaptation.adaptation import Adaptation
 from smadrive.measurement import Measurement
 from smadrive.tuning.tuning import ADAPTED, Tuning
 from smadrive.wire.heat_balance import HeatBalance
@@ -56,15 +56,12 @@ class AdaptationRunner:
             raise ConfigError(
                 "the adaptation has ended, and the rules from before the fault are not in force yet", cure="try again"
             )
-        if on and isinstance(tuning.model, TSFuzzyPreisach):
-            cure = "identify the wire without memory, by `smadrive identify --memory 1`"
-            raise ConfigError("the adaptation cannot change a model with memory", cure=cure)
-        if on and not isinstance(tuning.model, TSFuzzyDuhem):
+        if on and isinstance(tuning.model, DuhemModel):
             raise ConfigError(
                 "a Duhem model has no rules to adapt", cure="identify the wire by `smadrive identify --kind tsfuzzy`"
             )
         self._adaptation = self._started_from = None
-        if on and isinstance(tuning.model, TSFuzzyDuhem):
+        if on and not isinstance(tuning.model, DuhemModel):
             self._adaptation, self._started_from = Adaptation(tuning.model, self._noise_c), tuning
             self._observer = self._observer_of(tuning)
             self._estimate = None if self._estimate is None else self._observer.adopt(self._estimate)

@@ -7,7 +7,7 @@ import pytest
 
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.hysteresis.model import HysteresisState
-from smadrive.identification.adaptation import Adaptation
+from smadrive.identification.adaptation.adaptation import Adaptation
 
 MINUTES, PERIOD_S, SAMPLE_S = 20.0, 56.0, 0.25
 NOISE_C, NOISE_MM, STROKE_MM = 0.02, 0.012, 12.0

@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Iterator
 
 from smadrive.errors import ConfigError, SmadriveError
-from smadrive.identification.adaptation import Adaptation
+from smadrive.identification.adaptation.adaptation import Adaptation
 from smadrive.rig.config import RigConfig
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult, ModelBuilder
 from smadrive.tuning.link.requests import AnyRequest, Compare, Keep

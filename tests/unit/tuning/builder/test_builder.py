@@ -9,7 +9,7 @@ import pytest
 
 from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import TriangularSets, TSFuzzyDuhem
-from smadrive.identification.adaptation import Adaptation
+from smadrive.identification.adaptation.adaptation import Adaptation
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, build

@@ -1,12 +1,12 @@
 """Online adaptation: recursive least squares of the rules, for a wire that changes during its use.
 
-A rule is described by two rates p, q ≥ 0: over the travel |v| of the input, the state w follows dw/d|v| = p (1 - w) - q
-w. So contraction and boundedness are simple bounds of the parameters θ, and every step keeps these bounds:
+The model is w = (1 - share) x + share p: x is the state of its rules, p the state of its Preisach plane, and share is 0
+for a model without memory. The parameters θ are bounded so that every step keeps the certificates of the model:
 
-    θ = (p, q of the heating rules, p, q of the cooling rules, ln scale)      p, q ≥ 0, p heating ≥ λ, q cooling ≥ λ
+    θ = (rates of the rules, moves of the thresholds of the plane, ln scale)
 
-λ is the smallest allowed contraction rate. The measured temperature drives the model and the sensitivities z = ∂w/∂θ,
-which obey the same linear law as w. The error e of the displacement y corrects θ with the gain K of a Kalman filter:
+rules_state.py and plane_state.py compute x and p with their sensitivities ∂x/∂θ and ∂p/∂θ. The measured temperature
+drives both. The error e of the displacement y corrects θ with the gain K of a Kalman filter:
 
     e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P
 
@@ -28,22 +28,17 @@ moves further from its initial value than `limit` standard deviations of the lik
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp, isfinite
 
 import numpy as np
 
-from smadrive.hysteresis import TSFuzzyDuhem
+from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.hysteresis.reversal import DeadBand
-from smadrive.identification.reshape import shape_of
-from smadrive.identification.tsfuzzy.sensitivity import laws_of
+from smadrive.identification.adaptation.likely_changes import LikelyChanges
+from smadrive.identification.adaptation.plane_state import UNMOVED, PlaneState
+from smadrive.identification.adaptation.rules_state import RulesState, rates_of
 from smadrive.numerics.arrays import FloatArray
-
-LEAST_RATE = 1e-3
-"""The least contraction per input span; every rule keeps it."""
-
-LONGEST_STEP = 0.25
-"""The largest change of v in one step, in the unit of v. A larger change is divided."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,20 +47,16 @@ class AdaptationSettings:
 
     noise          standard deviation of the noise of the displacement
     dead_zone      displacement error up to which a sample changes no parameter
-    drift_c        likely shift of a branch, K (standard deviation)
-    drift          likely change of the scale and of the width of a branch, as a share (standard deviation)
-    free           likely change of a single rate, as a share of the largest of this rate and its neighbours
     forgetting_c   travel in K over which the covariance of the parameters returns to its initial value (1/e is left)
     limit          largest distance of a parameter from its initial value, in standard deviations of the likely changes
+    likely         likely changes of the wire
     """
 
     noise: float = 0.015
     dead_zone: float = 0.002
-    drift_c: float = 3.0
-    drift: float = 0.05
-    free: float = 0.03
     forgetting_c: float = 600.0
     limit: float = 5.0
+    likely: LikelyChanges = field(default_factory=LikelyChanges)
 
 
 GATE = 5.0
@@ -84,39 +75,40 @@ STUCK_TRAVEL, STUCK_RANGE = 0.04, 0.1
 
 
 class Adaptation:
-    """Adapts the rules of one wire: `update` takes a sample, `model` returns the present rules.
+    """Adapts the model of one wire: `update` takes a sample, `model` returns the present model.
 
     `sensor_fault` is the reason why the adaptation has ended. It is None while the adaptation works.
     """
 
-    def __init__(self, model: TSFuzzyDuhem, noise_c: float, settings: AdaptationSettings | None = None) -> None:
+    def __init__(
+        self, model: TSFuzzyDuhem | TSFuzzyPreisach, noise_c: float, settings: AdaptationSettings | None = None
+    ) -> None:
         self._settings = settings or AdaptationSettings()
         self._base = model
-        self._sets = len(model.sets.centres)
-        self._theta = self._initial = _theta(model)
-        lower, upper = model.input_range
-        self._prior = _prior(model, self._settings)
+        rules, self._plane, self._share, moves = _parts(model)
+        self._rules, rates = RulesState(rules), rates_of(rules)
+        self._of_rules, self._of_plane = slice(0, len(rates)), slice(len(rates), len(rates) + len(moves))
+        self._theta = self._initial = np.concatenate([rates, moves, [0.0]])
+        self._prior = self._settings.likely.covariance(model)
         reach = self._settings.limit * np.sqrt(np.diag(self._prior))
         self._low, self._high = self._theta - reach, self._theta + reach
-        floor = np.zeros(4 * self._sets)
-        floor[: self._sets] = floor[3 * self._sets :] = LEAST_RATE / (upper - lower)
-        self._low[:-1] = np.maximum(self._low[:-1], floor)
+        self._low[self._of_rules] = np.maximum(self._low[self._of_rules], self._rules.least)
         self._covariance = self._prior.copy()
         self._dead_band = DeadBand(0.5 * noise_c)
         self._v: float | None = None
-        self._w = 0.0
-        self._z = np.zeros(4 * self._sets)
         self._disbelieved, self._believed_error, self._since_believed_c = 0, 0.0, 0.0
         self._predicted = self._measured = (0.0, 0.0)
         self.sensor_fault: str | None = None
         self._marked = deque([self._theta], TRUSTED_MARKS)
 
     @property
-    def model(self) -> TSFuzzyDuhem:
-        """A model with the present rules, which contract and are bounded. Another thread may read this property."""
+    def model(self) -> TSFuzzyDuhem | TSFuzzyPreisach:
+        """The present model, whose certificates hold. Another thread may read this property."""
         theta = self._theta  # every step makes a new array
-        base, laws = self._base, laws_of(*theta[:-1].reshape(4, -1))
-        return TSFuzzyDuhem.from_laws(base.sets, *laws, base.scale * exp(theta[-1]), base.offset, base.input_range)
+        rules = self._rules.model(theta[self._of_rules], self._base.scale * exp(theta[-1]))
+        if self._plane is None:
+            return rules
+        return TSFuzzyPreisach(rules, self._plane.plane(theta[self._of_plane]), self._share)
 
     @property
     def _scale(self) -> float:
@@ -129,43 +121,35 @@ class Adaptation:
         v = self._dead_band.update(temperature_c)
         if self._v is None:
             if isfinite(displacement_mm):
-                self._v, self._w = v, self._base.initial_state(v, displacement_mm).w
+                self._start(v, displacement_mm)
                 self._mark(displacement_mm, displacement_mm)
             return
         travel = abs(v - self._v)
-        self._move(v)
+        self._rules.move(self._theta[self._of_rules], self._v, v)
+        if self._plane is not None:
+            self._plane.move(v)
+        self._v = v
         if self.sensor_fault is None and isfinite(displacement_mm) and travel:
             self._since_believed_c += travel
             self._forget(travel)
             self._learn(displacement_mm)
             self._watch(displacement_mm)
 
-    def _move(self, v: float) -> None:
-        """Advance state and sensitivities to the input `v`, in pieces over which the law counts as constant."""
-        start = self._v if self._v is not None else v
-        pieces = max(1, int(np.ceil(abs(v - start) / LONGEST_STEP)))
-        step = (v - start) / pieces
-        for piece in range(pieces if step else 0):
-            self._piece(start + (piece + 0.5) * step, step)
-        self._v = v
+    def _start(self, v: float, displacement_mm: float) -> None:
+        state = self._base.initial_state(v, displacement_mm)
+        self._v, self._rules.x = v, state.w
+        if self._plane is not None and state.memory is not None:
+            self._rules.x = state.memory.local
+            self._plane.start(state.memory.turns, v)
 
-    def _piece(self, middle: float, step: float) -> None:
-        """Advance over one piece with dw/d|v| = p (1 - w) - q w, exact in w; z uses w in the middle of the piece."""
-        lower, upper = self._base.input_range
-        if not lower <= middle <= upper:
-            return
-        sets, length = self._sets, abs(step)
-        weights = self._base.sets.weights(np.array([middle]))[0]
-        first = 0 if step > 0 else 2 * sets
-        p = float(weights @ self._theta[first : first + sets])
-        q = float(weights @ self._theta[first + sets : first + 2 * sets])
-        before, decay = self._w, exp(-(p + q) * length)
-        if p + q > 0:
-            self._w = p / (p + q) + (before - p / (p + q)) * decay
-        middle_w = 0.5 * (before + self._w)
-        self._z *= decay
-        self._z[first : first + sets] += (1.0 - middle_w) * length * weights
-        self._z[first + sets : first + 2 * sets] -= middle_w * length * weights
+    def _state(self) -> tuple[float, FloatArray]:
+        """Return the state w, and its derivatives with respect to the rates and the moves of the plane."""
+        x, z = self._rules.x, self._rules.z
+        if self._plane is None:
+            return x, z
+        p, over_moves = self._plane.state(self._theta[self._of_plane])
+        rest, share = 1.0 - self._share, self._share
+        return rest * x + share * p, np.concatenate([rest * z, share * over_moves])
 
     def _forget(self, travel: float) -> None:
         """Move θ and P back towards their initial values. A convex combination of certified rules is certified, too."""
@@ -176,8 +160,9 @@ class Adaptation:
     def _learn(self, displacement_mm: float) -> None:
         """Make one step of the filter, unless the error is within the dead zone or the sample is rejected."""
         settings, stroke = self._settings, abs(self._base.scale)
-        error = (displacement_mm - self.predicted_mm) / stroke
-        slope = np.append(self._scale * self._z, self._scale * self._w) / stroke
+        w, slopes = self._state()
+        error = (displacement_mm - self._base.offset - self._scale * w) / stroke
+        slope = np.append(slopes, w) * self._scale / stroke
         direction = self._covariance @ slope
         variance = float(slope @ direction) + settings.noise**2
         jump = abs(error - self._believed_error) - min(JUMP_PER_C * self._since_believed_c, JUMP)
@@ -195,8 +180,8 @@ class Adaptation:
 
     @property
     def predicted_mm(self) -> float:
-        """The displacement that the present rules predict, mm."""
-        return self._base.offset + self._scale * self._w
+        """The displacement that the present model predicts, mm."""
+        return self._base.offset + self._scale * self._state()[0]
 
     def _watch(self, displacement_mm: float) -> None:
         """End the adaptation if too many samples are rejected, or if the sensor stands still while the wire travels."""
@@ -222,26 +207,8 @@ class Adaptation:
         self._theta = self._marked[0]
 
 
-def _theta(model: TSFuzzyDuhem) -> FloatArray:
-    (a_heating, b_heating), (a_cooling, b_cooling) = model.heating_law, model.cooling_law
-    return np.concatenate([b_heating, -a_heating - b_heating, -b_cooling, a_cooling + b_cooling, [0.0]])
-
-
-def _prior(model: TSFuzzyDuhem, settings: AdaptationSettings) -> FloatArray:
-    """Return the covariance of the likely changes: shift and width of each branch, scale, and each single rule."""
-    centres, shape = np.array(model.sets.centres), shape_of(model)
-    rates = _theta(model)[:-1].reshape(4, -1)
-    covariance = np.zeros((rates.size + 1, rates.size + 1))
-    for rows, mu in ((slice(0, 2), shape.mu_heating), (slice(2, 4), shape.mu_cooling)):
-        for way in (-1.0, 1.0):
-            for shift_c, stretch in ((way * settings.drift_c, 1.0), (0.0, 1.0 + way * settings.drift)):
-                moved = rates.copy()
-                back = mu + (centres - shift_c - mu) / stretch
-                moved[rows] = [np.interp(back, centres, rate) / stretch for rate in rates[rows]]
-                change = np.append((moved - rates).ravel(), 0.0)
-                covariance += 0.5 * np.outer(change, change)
-    around = np.maximum.reduce([np.roll(np.pad(rates, ((0, 0), (1, 1)), "edge"), n, axis=1) for n in (-1, 0, 1)])[
-        :, 1:-1
-    ]
-    free = settings.free * np.maximum(around, rates.max(axis=1, keepdims=True) / 10.0).ravel()
-    return covariance + np.diag(np.append(free**2, settings.drift**2))
+def _parts(model: TSFuzzyDuhem | TSFuzzyPreisach) -> tuple[TSFuzzyDuhem, PlaneState | None, float, FloatArray]:
+    """Return the rules of the model, the state of its plane, its share, and the moves of the plane at the start."""
+    if isinstance(model, TSFuzzyPreisach):
+        return model.local, PlaneState(model), model.share, UNMOVED
+    return model, None, 0.0, np.empty(0)

@@ -1,0 +1,77 @@
+"""The state of adapted rules, and its derivatives with respect to their rates.
+
+A rule is described by two rates p, q ≥ 0: over the travel |v| of the input, the state x follows dx/d|v| = p (1 - x) - q
+x. The sensitivities z = ∂x/∂θ obey the same linear law. θ holds the rates, one number per set: p and q of the heating
+rules, then p and q of the cooling rules.
+"""
+
+from __future__ import annotations
+
+from math import exp
+
+import numpy as np
+
+from smadrive.hysteresis import TSFuzzyDuhem
+from smadrive.identification.tsfuzzy.sensitivity import laws_of
+from smadrive.numerics.arrays import FloatArray
+
+LEAST_RATE = 1e-3
+"""The least contraction per input span; every rule keeps it."""
+
+LONGEST_STEP = 0.25
+"""The largest change of v in one step, in the unit of v. A larger change is divided."""
+
+
+def rates_of(model: TSFuzzyDuhem) -> FloatArray:
+    """Return the rates θ of the rules of a model, shape (4 · sets,)."""
+    (a_heating, b_heating), (a_cooling, b_cooling) = model.heating_law, model.cooling_law
+    return np.concatenate([b_heating, -a_heating - b_heating, -b_cooling, a_cooling + b_cooling])
+
+
+class RulesState:
+    """The state `x` of the rules of `model`, and its sensitivities `z`, shape (4 · sets,)."""
+
+    def __init__(self, model: TSFuzzyDuhem) -> None:
+        self._base = model
+        self._sets = len(model.sets.centres)
+        self.x = 0.0
+        self.z = np.zeros(4 * self._sets)
+
+    @property
+    def least(self) -> FloatArray:
+        """The least rates with which the rules contract, shape (4 · sets,)."""
+        lower, upper = self._base.input_range
+        least = np.zeros(4 * self._sets)
+        least[: self._sets] = least[3 * self._sets :] = LEAST_RATE / (upper - lower)
+        return least
+
+    def model(self, rates: FloatArray, scale: float) -> TSFuzzyDuhem:
+        """Return the rules with these rates and this scale of the output."""
+        base = self._base
+        laws = laws_of(*rates.reshape(4, -1))
+        return TSFuzzyDuhem.from_laws(base.sets, *laws, scale, base.offset, base.input_range)
+
+    def move(self, rates: FloatArray, v0: float, v1: float) -> None:
+        """Advance state and sensitivities from v0 to v1, in pieces over which the law counts as constant."""
+        pieces = max(1, int(np.ceil(abs(v1 - v0) / LONGEST_STEP)))
+        step = (v1 - v0) / pieces
+        for piece in range(pieces if step else 0):
+            self._piece(rates, v0 + (piece + 0.5) * step, step)
+
+    def _piece(self, rates: FloatArray, middle: float, step: float) -> None:
+        """Advance over one piece with dx/d|v| = p (1 - x) - q x, exact in x; z uses x in the middle of the piece."""
+        lower, upper = self._base.input_range
+        if not lower <= middle <= upper:
+            return
+        sets, length = self._sets, abs(step)
+        weights = self._base.sets.weights(np.array([middle]))[0]
+        first = 0 if step > 0 else 2 * sets
+        p = float(weights @ rates[first : first + sets])
+        q = float(weights @ rates[first + sets : first + 2 * sets])
+        before, decay = self.x, exp(-(p + q) * length)
+        if p + q > 0:
+            self.x = p / (p + q) + (before - p / (p + q)) * decay
+        middle_x = 0.5 * (before + self.x)
+        self.z *= decay
+        self.z[first : first + sets] += (1.0 - middle_x) * length * weights
+        self.z[first + sets : first + 2 * sets] -= middle_x * length * weights
