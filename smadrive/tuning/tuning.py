@@ -25,7 +25,7 @@ ADAPTED = "adaptation"
 
 @dataclass(frozen=True)
 class Adapted:
-    """A change to the rules that `adaptation` has learnt by the time at which the build request is sent."""
+    """The change that puts the present rules of `adaptation` into the tuning, as they are when the request is sent."""
 
     adaptation: Adaptation
 
@@ -37,7 +37,8 @@ Change = SetShape | SetFeedback | SetRule | SetModel | Adapted
 class Tuning:
     """A model and the settings of the feedback.
 
-    `model` is `unmoved` with its branches moved to `shape`. `change` is the name of the change that made this tuning.
+    `unmoved` is the model before its branches were moved, `shape` the wanted place and width of the branches, and
+    `model` the model with this shape. `change` is the name of the change that made this tuning.
     `caveats` are reasons to distrust the model. They stay until another model is fitted or loaded.
     """
 

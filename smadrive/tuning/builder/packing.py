@@ -70,7 +70,7 @@ def pack_request(request: BuildRequest) -> bytes:
 
 
 def unpack_request(content: bytes, cache: ModelCache) -> BuildRequest:
-    """Return the request that `pack_request` packed. `cache` gives the models of the texts in it."""
+    """Return the request that `pack_request` packed. Models are taken from `cache`."""
     request: BuildRequest = _Unpickler(io.BytesIO(content), cache.model).load()
     return request
 

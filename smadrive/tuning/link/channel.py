@@ -96,10 +96,10 @@ class Channel:
 
 
 class ControlEnd(Channel):
-    """The control process's side of the channel, a context manager. Its methods never wait, and no message of a page
-    makes them fail.
+    """The control process's side of the channel, a context manager.
 
-    `offs` is the OFF count at the last call of `off_requested`, `published` the latest status.
+    No method waits, and no message of a page makes a method fail. `offs` is the OFF count at the last call of
+    `off_requested`, `published` the latest status.
     """
 
     def __init__(self) -> None:

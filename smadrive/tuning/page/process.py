@@ -34,7 +34,7 @@ UNUSED_MS = 1000
 
 
 def serve(parameters: dict[str, Any]) -> None:
-    """Serve pages until standard input ends."""
+    """Serve pages until standard input ends. `parameters` are those of PageProcess in processes.py."""
     channel = PageEnd(parameters["memory_fd"], socket.socket(fileno=parameters["socket_fd"]))
     clients, fitter = ClientRegistry(channel, parameters.get("token")), Fitter()
     history = SampleHistory(channel)

@@ -52,7 +52,7 @@ class RequestHandler:
             self._stop_without_front()
 
     def receive(self, message: bytes) -> None:
-        """Do, queue or refuse the request in `message`. An OFF that was pressed before the message is done first."""
+        """Do, queue or refuse the request in `message`. An OFF that has been counted by now is done before it."""
         self.check_off()
         try:
             self._do(parse_request(message))
