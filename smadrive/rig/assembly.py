@@ -108,7 +108,7 @@ def port_key(device: PlannedDevice) -> DeviceKey | None:
 
 
 def _guard(plan: RigPlan, connections: Connections) -> GuardianClient | None:
-    """Return the client of the guardian, or None. Each use of a connection sends a heartbeat to the guardian."""
+    """Return the client of the guardian, None without guardian. Each use of a connection sends it a heartbeat."""
     if plan.guardian is None:
         return None
     guard = GuardianClient(plan.guardian, connections.disconnect)

@@ -120,7 +120,7 @@ class RigConfig(Section):
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        """Reject limits that contradict each other."""
+        """Return the rig. Raise an error for names, excitation, limits or feedback that contradict each other."""
         self._check_names()
         self._check_excitation()
         self._check_limits()
@@ -157,7 +157,7 @@ class RigConfig(Section):
             )
 
     def check_feedback(self, feedback: FeedbackConfig) -> None:
-        """Raise ConfigError for a loop that is faster than its ticks: it would switch between zero and full current."""
+        """Raise ConfigError if a time constant is below a period: the current would jump between zero and full."""
         for name in ("closed_loop_s", "integral_s"):
             if getattr(feedback, name) < 1.0 / self.rate_hz:
                 raise ConfigError(
@@ -204,7 +204,7 @@ def _in_folder(devices: Iterable[DeviceConfig], folder: Path) -> tuple[DeviceCon
 
 
 def path_or_name(folder: Path, name: str) -> str:
-    """Return the path `name` joined to `folder`, or the name of a shipped file as it is. A choice (`:J`) stays."""
+    """Return the path `name` joined to `folder`, or a shipped name as it is. A variant at its end (`:J`) stays."""
     path = name.partition(":")[0]
     return str(folder / name) if path.endswith(".toml") else name
 
@@ -219,7 +219,7 @@ def load_rig(name: str) -> RigConfig:
 
 
 def load_off_config(name: str) -> OffConfig:
-    """Load only the devices of a rig file, even if other parts are wrong; ConfigError if the devices are wrong."""
+    """Load devices and current limit of a rig file, even if other parts are wrong; ConfigError for wrong devices."""
     path = rig_file(name)
     tables = read_toml(path)
     devices = validate(_address_tables(tables), _OffSection, where=str(path)).devices

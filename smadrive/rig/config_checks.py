@@ -33,10 +33,10 @@ from smadrive.wire.data_sheet import WireDataSheet
 from smadrive.wire.heat_balance import HeatBalance
 
 AMPLE = 20.0
-"""A current limit above this multiple of the current that holds the wire must be in another unit."""
+"""Highest current limit, as a multiple of the current that holds the wire at temperature_max_c."""
 
 LEAST_SHARE = 0.5
-"""The lowest voltage limit drives this fraction of current_max_a through the nominal wire."""
+"""Lowest voltage limit: the voltage that drives this fraction of current_max_a through the nominal wire."""
 
 MOST_VOLTS = 4.0
 """The highest voltage limit, as a multiple of the voltage that the circuit needs at its largest current."""

@@ -49,7 +49,10 @@ class Connections:
     def device(
         self, device: PlannedDevice, given: Transport | None = None, read_retries: int | None = None
     ) -> Device | TCLabBoard:
-        """Return the device at its address, or on the connection `given`; BusyError if another process has its line."""
+        """Return the device at its address, or on the connection `given`; BusyError if another process has its line.
+
+        `read_retries` replaces the value in the profile if it is not None.
+        """
         if not device.is_simulated:
             self._lock(device)
         if not device.profile.has_registers:
@@ -125,17 +128,17 @@ class Connections:
 
 
 def _place(url: str, line: str) -> str:
-    """Return the URL of the rig file, with the name of its line if the two differ."""
+    """Return `url`, and in brackets the name `line` of its line if the two differ."""
     return url if url.partition("?")[0] == line else f"{url} ({line})"
 
 
 def line_names(device: PlannedDevice) -> tuple[str, ...]:
-    """Return the names of the line of a device; none for a simulated device."""
+    """Return all names of the line of a device (see `lines_of`). A simulated device has no line, so no name."""
     if device.is_simulated:
         return ()
     return lines_of(key_of(device))
 
 
 def key_of(device: PlannedDevice) -> DeviceKey:
-    """Return the key of a device on a port, before the device has answered."""
+    """Return the key of a device on a port. The device has not answered yet, so its serial number is unknown."""
     return key_at(device.config.url, device.profile, device.config.unit_id)
