@@ -42,7 +42,7 @@ class RigDevices(NamedTuple):
     port_key: DeviceKey | None
 
     def key(self) -> DeviceKey | None:
-        """Return the key of the device that heats, which has proved its identity; None for a simulated device."""
+        """Return the key of the device that heats, with its proved identity. Return None for a simulated device."""
         if self.port_key is None:
             return None
         return self.port_key.with_identity(self.source.profile, self.source.identity)

@@ -54,7 +54,7 @@ class ExcitationConfig(Section):
     """The identification experiment: its lowest and highest temperature, its rate, and its plan.
 
     plan          `nested` for shrinking inner loops, `forc` for first-order reversal curves
-    reversals     nested: inner loops of each of the two sets; forc: falling curves
+    reversals     nested: number of inner loops from each end of the range; forc: number of falling curves
     duration_s    time for the path in s, instead of `reversals`: the path has as many reversals as fit
     """
 
@@ -93,7 +93,7 @@ class FeedbackConfig(Section):
 
 
 LOOP_PERIODS = 2.5
-"""A temperature loop that must settle in fewer periods overshoots when the wire heats at full current."""
+"""A temperature loop with a time constant of fewer periods overshoots when the wire heats at full current."""
 
 
 class RigConfig(Section):

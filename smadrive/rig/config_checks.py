@@ -55,7 +55,7 @@ LAG_FACTOR, LAG_S = 5.0, 1.0
 AMBIENT_K = 20.0
 """Largest difference between identified and nominal ambient temperature in K."""
 RESISTANCE_CHANGE = 0.4
-"""Largest difference from the nominal relative change of resistance, whose sign differs between wires."""
+"""Largest difference between identified and nominal relative change of resistance. Its sign depends on the wire."""
 
 
 def check_limits(config: RigConfig, wire: WireDataSheet) -> None:
@@ -109,7 +109,7 @@ def _check_current(config: RigConfig, held_a: float) -> None:
             where=f"rig '{config.name}'",
             value=f"{limit_a:g} A",
             limit=f"{AMPLE * held_a:.2g} A",
-            cure="is the limit in amperes?",
+            cure="lower limits.current_max_a. Is the limit in amperes?",
         )
 
 

@@ -25,11 +25,11 @@ from smadrive.rig.simulation import SimulatedConnections, simulate
 
 
 class Connections:
-    """Opens the connections; `stack` closes them. A trace has the name of the first device on its connection.
+    """Opens the connections; `stack` closes them. A trace file has the name of the first device on its connection.
 
     `access` is called before each use of a connection (see `PortAccess`), if it was set before that connection was
-    opened. Serial ports are locked, and so is the line of a device that heats. Only the role OFF also uses a line that
-    another process has locked. `stop` listens for an emergency stop at every line as soon as the line is locked.
+    opened. Serial ports are locked, and so is the line of a device that heats. A line that another process has locked
+    is used only in the role OFF. `stop` listens for an emergency stop at every line as soon as the line is locked.
     """
 
     access: PortAccess | None = None

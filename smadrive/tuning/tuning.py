@@ -161,7 +161,7 @@ def _check_rule(change: SetRule, branch: str) -> None:
     low, high = sorted((0.0, -change.a))
     if not low <= change.b <= high:
         raise ModelError(
-            "with this value the state leaves [0, 1]",
+            "with this value the state of the model leaves [0, 1]",
             where="b",
             value=f"{change.b:g}",
             limit=f"{low:g} to {high:g}",

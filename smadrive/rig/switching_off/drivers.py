@@ -1,4 +1,4 @@
-"""Finds and stops the drivers of a rig for `off`. A driver is a process that uses a line of the rig.
+"""Finds and stops the drivers of a rig for `off`. A driver is a process that controls devices.
 
 Two programs on one line would take each other's replies for their own.
 """

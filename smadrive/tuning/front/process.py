@@ -64,7 +64,7 @@ STALLED_S = 5.0
 
 REPORT_MS = 100
 FAREWELL_S = 0.5
-"""The front process waits at most this time until the last state has been sent to the pages."""
+"""Before it ends, the front process waits at most this time until the last state has been sent to the pages."""
 
 
 class OffHandler(GatedHandler):

@@ -66,7 +66,7 @@ BLOCK = np.dtype(
 
 
 class Channel:
-    """The common part of `ControlEnd` and `PageEnd`: the shared memory, and one socket of the pair."""
+    """The common part of `ControlEnd` and `PageEnd`: the shared memory, and one of the two connected sockets."""
 
     def __init__(self, memory_fd: int, messages: socket.socket) -> None:
         self.memory_fd = memory_fd
@@ -196,7 +196,7 @@ class PageEnd(Channel):
         return self._count("rows_written")
 
     def since(self, number: int) -> tuple[int, Rows]:
-        """Return the number for the next call, and all rows since row `number` as an array (rows, columns).
+        """Return the `number` to use in the next call, and all rows since row `number` as an array (rows, columns).
 
         The array does not hold the rows that newer rows have overwritten.
         """

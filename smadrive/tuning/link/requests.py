@@ -149,14 +149,14 @@ class Keep(PageRequest):
 
 
 class Recall(PageRequest):
-    """Put the tuning of slot A or B in force."""
+    """Put the tuning that is stored in slot A or B in force."""
 
     act: Literal["recall"]
     slot: Slot
 
 
 class Compare(DrivingRequest):
-    """Begin or end a comparison: slots A and B alternate at every cycle of the reference, and every cycle is scored."""
+    """Begin or end a comparison: the tunings in slots A and B drive the wire in turn, one cycle each."""
 
     act: Literal["compare"]
     on: bool

@@ -34,7 +34,7 @@ COMPLETING_SAMPLES = 100
 """Number of added samples on each of four ways: to the hot end of the travel and back, to the cold end and back."""
 
 UNMET = 0.1
-"""The added samples towards the cold end begin this share of the recorded temperature range below the coldest sample.
+"""The added samples towards the cold end begin below the coldest sample, by this share of the recorded range.
 
 Over this distance, an inner branch comes near the outer branch.
 """

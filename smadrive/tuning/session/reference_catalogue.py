@@ -47,7 +47,7 @@ class ReferenceCatalogue:
 
     @property
     def names(self) -> list[str]:
-        """The names, in the order in which they were given."""
+        """The names of the references, in the order in which the references were given."""
         return list(self._references)
 
     def path(self, name: str | None, tuning: Tuning, from_mm: float) -> Reference:

@@ -108,7 +108,7 @@ class TuningSession:
         self._log.note(self._state.now_s, self._state.mode, self.tunings.in_force)
 
     def _wait(self) -> None:
-        """Measure with the heater off, until an Arm waits and no change is queued or being built."""
+        """Measure with the heater off, until a request to arm waits and no change is queued or being built."""
         clock, period_s = self._rig.clock, self._rig.period_s
         due_s = clock.now_s()
         while not self._may_heat():

@@ -52,7 +52,7 @@ class Plots(TimePlots):
 
     @property
     def drawn(self) -> tuple[str, ...]:
-        """The columns of the data source."""
+        """The names of the columns of the data source."""
         return (*DRAWN, "error_percent")
 
     def show_model(self, model: IdentifiedModel, travel_mm: tuple[float, float]) -> None:
@@ -120,7 +120,10 @@ class Plots(TimePlots):
             self._rules.data = {"set": centres, "strength": strengths, "colour": [colour] * len(centres)}
 
     def show_turning_points(self, temperatures_c: Sequence[float]) -> None:
-        """Mark the turning points in the wire's memory, from the oldest on. `show_model` must have been called."""
+        """Mark the turning points in the wire's memory. `temperatures_c` are their temperatures, the oldest first.
+
+        `show_model` must have been called before.
+        """
         assert self._model is not None
         if temperatures_c != self._turning_points.data["v"]:
             y = self._model.simulate(temperatures_c).tolist() if len(temperatures_c) else []

@@ -67,7 +67,7 @@ class SampleHistory:
         return reduced(np.concatenate(parts), most)
 
     def _reduce_oldest(self) -> None:
-        """Move the oldest `FULL_ROWS` samples to the reduced samples, whose number is halved while it is too large."""
+        """Reduce the oldest `FULL_ROWS` samples that are still complete, and append them to the reduced samples."""
         oldest = reduced(self._rows[:FULL_ROWS], FULL_ROWS // self._factor)
         self._old = np.concatenate((self._old, oldest))
         while len(self._old) > FULL_ROWS:
@@ -85,7 +85,7 @@ def _between(rows: Rows, from_s: float, to_s: float) -> Rows:
 def reduced(rows: Rows, most: int) -> Rows:
     """Return all rows if there are at most `most`, otherwise the rows with the extremes of short intervals.
 
-    `most` is the largest number of rows to return.
+    `most` is the largest number of rows to return. The extremes are those of temperature, displacement and current.
     """
     if len(rows) <= most:
         return rows

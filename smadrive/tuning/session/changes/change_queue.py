@@ -67,7 +67,7 @@ class ChangeQueue:
         self._answers.append((request, None))
 
     def adapt(self, adaptation: Adaptation) -> bool:
-        """Queue the adapted rules. Return False if another change or a comparison has priority.
+        """Queue the adapted rules and return True. Return False if another change or a comparison has priority.
 
         If the displacement sensor had a fault, the rules from before the fault are queued. They are put in force even
         if the loop has ended in the meantime.

@@ -13,7 +13,7 @@ from smadrive.wire.wire_model import travel_mm
 
 
 class ComparisonRunner:
-    """Lets the tunings in slots A and B drive the wire in turn. `queue` is called with each job that builds one."""
+    """Lets the tunings in slots A and B drive the wire in turn. `queue` gets the jobs that build controllers."""
 
     def __init__(self, tunings: Tunings, queue: Callable[[Job], None]) -> None:
         self._tunings = tunings

@@ -64,7 +64,7 @@ class Job(ABC):
         """Return the part of the build request that the job sets. SmadriveError if the job is not possible now."""
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:
-        """Put the result in force."""
+        """Put the built tuning and its controller in force."""
         if self.is_undoable:
             tunings.push(built, live, now_s)
         else:
@@ -83,7 +83,7 @@ class ChangeJob(Job):
     change: Change | None = None
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
-        """Return the tuning in force with the change to make in it."""
+        """Return the tuning in force, the change to make in it, and the reference that the loop tracks."""
         return BuildTarget(tunings.in_force, self.change, _running(live))
 
 
