@@ -93,7 +93,7 @@ def _temperature_cure(limit_c: float, wire: WireDataSheet) -> str:
     if "temperature_max_c" not in wire.model_fields_set:
         cure = (
             "the wire file has no temperature_max_c, and nickel-titanium ages above this limit: lower it, or set "
-            "temperature_max_c in the wire file if its alloy withstands more"
+            "temperature_max_c in the wire file if the alloy withstands more"
         )
     from_kelvin_c = limit_c - ZERO_C_IN_K
     if wire.ambient_c < from_kelvin_c <= wire.temperature_max_c:

@@ -72,5 +72,5 @@ def serve(parameters: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    logging.getLogger("bokeh").setLevel(logging.ERROR)  # a client that leaves is not worth a warning
+    logging.getLogger("bokeh").setLevel(logging.ERROR)  # bokeh warns of every client that leaves
     run(serve)

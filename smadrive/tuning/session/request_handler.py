@@ -96,7 +96,7 @@ class RequestHandler:
             raise ConfigError("the adaptation would change the compared tunings", cure="stop the adaptation first")
         self._change_queue.add(request, self._state.live)
         if isinstance(request, Keep):
-            self._state.report(f"slot {request.slot} keeps '{self._state.tunings.in_force.change}'")
+            self._state.report(f"slot {request.slot} keeps the tuning after '{self._state.tunings.in_force.change}'")
 
     def _arm(self, request: Arm) -> None:
         if self._off_path.is_silent(self._state.now_s):

@@ -100,7 +100,7 @@ class TuningSession:
         self._publish()
         self._note()
         self._state.report(SESSION_ENDED[self._status.end])
-        with suppress(DataError):  # the end of the log reports that it cannot be written
+        with suppress(DataError):  # this error is reported when the log is closed
             self._log.write_events()
 
     def _note(self) -> None:
