@@ -42,7 +42,7 @@ class RigDevices(NamedTuple):
     port_key: DeviceKey | None
 
     def key(self) -> DeviceKey | None:
-        """Return the key of the device that heats, which has proved its identity; None for a simulated device."""
+        """Return the key of the device that heats, with its proved identity. Return None for a simulated device."""
         if self.port_key is None:
             return None
         return self.port_key.with_identity(self.source.profile, self.source.identity)
@@ -108,7 +108,7 @@ def port_key(device: PlannedDevice) -> DeviceKey | None:
 
 
 def _guard(plan: RigPlan, connections: Connections) -> GuardianClient | None:
-    """Return the client of the guardian, or None. Each use of a connection sends a heartbeat to the guardian."""
+    """Return the client of the guardian, None without guardian. Each use of a connection sends it a heartbeat."""
     if plan.guardian is None:
         return None
     guard = GuardianClient(plan.guardian, connections.disconnect)

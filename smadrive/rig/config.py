@@ -53,7 +53,7 @@ class ExcitationConfig(Section):
     """The identification experiment: its lowest and highest temperature, its rate, and its plan.
 
     plan          `nested` for shrinking inner loops, `forc` for first-order reversal curves
-    reversals     nested: inner loops of each of the two sets; forc: falling curves
+    reversals     nested: number of inner loops from each end of the range; forc: number of falling curves
     duration_s    time for the path in s, instead of `reversals`: the path has as many reversals as fit
     """
 
@@ -92,7 +92,7 @@ class FeedbackConfig(Section):
 
 
 LOOP_PERIODS = 2.5
-"""A temperature loop that must settle in fewer periods overshoots when the wire heats at full current."""
+"""A temperature loop with a time constant of fewer periods overshoots when the wire heats at full current."""
 
 
 class RigConfig(Section):
@@ -119,7 +119,7 @@ class RigConfig(Section):
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        """Reject limits that contradict each other."""
+        """Return the rig. Raise an error for names, excitation, limits or feedback that contradict each other."""
         self._check_names()
         self._check_excitation()
         self._check_limits()
@@ -156,7 +156,7 @@ class RigConfig(Section):
             )
 
     def check_feedback(self, feedback: FeedbackConfig) -> None:
-        """Raise ConfigError for a loop that is faster than its ticks: it would switch between zero and full current."""
+        """Raise ConfigError if a time constant is below a period: the current would jump between zero and full."""
         for name in ("closed_loop_s", "integral_s"):
             if getattr(feedback, name) < 1.0 / self.rate_hz:
                 raise ConfigError(
@@ -186,7 +186,7 @@ def in_folder(devices: Iterable[DeviceConfig], folder: Path) -> tuple[DeviceConf
 
 
 def path_or_name(folder: Path, name: str) -> str:
-    """Return the path `name` joined to `folder`, or the name of a shipped file as it is. A choice (`:J`) stays."""
+    """Return the path `name` joined to `folder`, or a shipped name as it is. A variant at its end (`:J`) stays."""
     path = name.partition(":")[0]
     return str(folder / name) if path.endswith(".toml") else name
 

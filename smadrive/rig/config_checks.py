@@ -33,10 +33,10 @@ from smadrive.wire.data_sheet import WireDataSheet
 from smadrive.wire.heat_balance import HeatBalance
 
 AMPLE = 20.0
-"""A current limit above this multiple of the current that holds the wire must be in another unit."""
+"""Highest current limit, as a multiple of the current that holds the wire at temperature_max_c."""
 
 LEAST_SHARE = 0.5
-"""The lowest voltage limit drives this fraction of current_max_a through the nominal wire."""
+"""Lowest voltage limit: the voltage that drives this fraction of current_max_a through the nominal wire."""
 
 MOST_VOLTS = 4.0
 """The highest voltage limit, as a multiple of the voltage that the circuit needs at its largest current."""
@@ -55,7 +55,7 @@ LAG_FACTOR, LAG_S = 5.0, 1.0
 AMBIENT_K = 20.0
 """Largest difference between identified and nominal ambient temperature in K."""
 RESISTANCE_CHANGE = 0.4
-"""Largest difference from the nominal relative change of resistance, whose sign differs between wires."""
+"""Largest difference between identified and nominal relative change of resistance. Its sign depends on the wire."""
 
 
 def check_limits(config: RigConfig, wire: WireDataSheet) -> None:
@@ -93,7 +93,7 @@ def _temperature_cure(limit_c: float, wire: WireDataSheet) -> str:
     if "temperature_max_c" not in wire.model_fields_set:
         cure = (
             "the wire file has no temperature_max_c, and nickel-titanium ages above this limit: lower it, or set "
-            "temperature_max_c in the wire file if its alloy withstands more"
+            "temperature_max_c in the wire file if the alloy withstands more"
         )
     from_kelvin_c = limit_c - ZERO_C_IN_K
     if wire.ambient_c < from_kelvin_c <= wire.temperature_max_c:
@@ -109,7 +109,7 @@ def _check_current(config: RigConfig, held_a: float) -> None:
             where=f"rig '{config.name}'",
             value=f"{limit_a:g} A",
             limit=f"{AMPLE * held_a:.2g} A",
-            cure="is the limit in amperes?",
+            cure="lower limits.current_max_a. Is the limit in amperes?",
         )
 
 

@@ -25,11 +25,11 @@ from smadrive.rig.simulation import SimulatedConnections, simulate
 
 
 class Connections:
-    """Opens the connections; `stack` closes them. A trace has the name of the first device on its connection.
+    """Opens the connections; `stack` closes them. A trace file has the name of the first device on its connection.
 
     `access` is called before each use of a connection (see `PortAccess`), if it was set before that connection was
-    opened. Serial ports are locked, and so is the line of a device that heats. Only the role OFF also uses a line that
-    another process has locked. `stop` listens for an emergency stop at every line as soon as the line is locked.
+    opened. Serial ports are locked, and so is the line of a device that heats. A line that another process has locked
+    is used only in the role OFF. `stop` listens for an emergency stop at every line as soon as the line is locked.
     """
 
     access: PortAccess | None = None
@@ -49,7 +49,10 @@ class Connections:
     def device(
         self, device: PlannedDevice, given: Transport | None = None, read_retries: int | None = None
     ) -> Device | TCLabBoard:
-        """Return the device at its address, or on the connection `given`; BusyError if another process has its line."""
+        """Return the device at its address, or on the connection `given`; BusyError if another process has its line.
+
+        `read_retries` replaces the value in the profile if it is not None.
+        """
         if not device.is_simulated:
             self._lock(device)
         if not device.profile.has_registers:
@@ -125,17 +128,17 @@ class Connections:
 
 
 def _place(url: str, line: str) -> str:
-    """Return the URL of the rig file, with the name of its line if the two differ."""
+    """Return `url`, and in brackets the name `line` of its line if the two differ."""
     return url if url.partition("?")[0] == line else f"{url} ({line})"
 
 
 def line_names(device: PlannedDevice) -> tuple[str, ...]:
-    """Return the names of the line of a device; none for a simulated device."""
+    """Return all names of the line of a device (see `lines_of`). A simulated device has no line, so no name."""
     if device.is_simulated:
         return ()
     return lines_of(key_of(device))
 
 
 def key_of(device: PlannedDevice) -> DeviceKey:
-    """Return the key of a device on a port, before the device has answered."""
+    """Return the key of a device on a port. The device has not answered yet, so its serial number is unknown."""
     return key_at(device.config.url, device.profile, device.config.unit_id)

@@ -23,7 +23,7 @@ EXCITATION_SLOWER = 2.0
 
 
 def excitation_path(config: ExcitationConfig, start_c: float) -> Excitation:
-    """Return the path of the identification experiment for a wire at `start_c`.
+    """Return the temperature path of the identification experiment for a wire that is at `start_c` (°C) now.
 
     ConfigError if the experiment is impossible in its `duration_s`.
     """
@@ -68,7 +68,7 @@ def tracking_controller(
     balance: HeatBalance,
     inverse: DisplacementInverse,
 ) -> TrackingController:
-    """Return the controller that follows a displacement reference with the given inverse."""
+    """Return the controller that follows a displacement reference with the given inverse model."""
     return TrackingController(reference, WireModel(model, balance), inverse, tracking_settings(config))
 
 

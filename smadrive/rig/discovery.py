@@ -1,4 +1,4 @@
-"""The devices on a line that belongs to no rig yet, and their entries in a rig file."""
+"""Finds the devices on a line that belongs to no rig yet, and writes their entries for a rig file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from smadrive.files.shipped import configs_dir
 
 @dataclass(frozen=True)
 class DiscoveredDevice:
-    """A device that answered.
+    """A device that answered a scan.
 
     unit_id     unit id on the line; None for a device without one
     line        line settings as text, for example `115200 8N1`
@@ -39,7 +39,7 @@ class DiscoveredDevice:
 
 
 def port_url(port: str) -> str:
-    """Return the URL of a port that is given as a URL, as a path, or as the name of a port in /dev."""
+    """Return the URL of a port. `port` is a URL, a path, or the name of a port in /dev; another text stays as it is."""
     path = Path("/dev") / port
     return port if "://" in port or not ("/" in port or path.exists()) else f"serial://{path}"
 

@@ -1,8 +1,8 @@
 """The plan of a rig, which gives every device its task. It is derived from the rig file and the device profiles.
 
-This module opens no port: devices that do not form a rig raise ConfigError before any port is opened. One device heats.
-Two devices that measure the same quantity are an error, because only the user knows which one is right. A heat source
-without a watchdog of its own needs a guardian.
+This module opens no port: devices that contradict each other raise ConfigError before any port is opened. Exactly one
+device heats. Two devices that measure the same quantity are an error, because only the user knows which one is right. A
+heat source without a watchdog of its own needs a guardian, a process that switches it off when the driver fails.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class PlannedSensor:
 
 @dataclass(frozen=True)
 class RigPlan:
-    """The devices of a rig and their tasks. `guardian` is the task of the guardian, or None if none is needed."""
+    """The devices of a rig and their tasks. `guardian` is the task of the guardian process, or None without one."""
 
     devices: tuple[PlannedDevice, ...]
     source: PlannedDevice
@@ -54,9 +54,10 @@ class RigPlan:
 
 
 def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collection[str] = ()) -> RigPlan:
-    """Return the plan of the rig; `profiles` maps device names to profiles. ConfigError when the devices form no rig.
+    """Return the plan of the rig; `profiles` maps device names to profiles.
 
-    `given` names the devices whose connection the caller supplies.
+    `given` holds the names of the devices whose connection the caller supplies. ConfigError when the devices contradict
+    each other.
     """
     where = f"rig '{config.name}'"
     devices = tuple(PlannedDevice(device, profiles[device.name], device.name in given) for device in config.devices)
@@ -114,7 +115,7 @@ def _sensors(
 
 
 def _sensor(device: PlannedDevice, quantity: str, config: RigConfig) -> PlannedSensor:
-    """Return the sensor. It is read at its rate_hz, or else at every tick, but never faster than it converts."""
+    """Return the sensor, read at its `rate_hz` or else the loop's, but never faster than the device converts."""
     period_s = max(1.0 / (device.config.rate_hz or config.rate_hz), device.profile.timing.update_ms / 1e3)
     return PlannedSensor(device, quantity, period_s, max(config.limits.stale_after_s, STALE_PERIODS * period_s))
 
@@ -141,7 +142,7 @@ def _check_addresses(devices: Sequence[PlannedDevice], where: str) -> None:
 
 
 def _check_line(url: str, devices: Sequence[PlannedDevice]) -> None:
-    """Raise ConfigError if a device on a shared line needs it for itself, or two devices have the same unit id."""
+    """Raise ConfigError if a device cannot share its line with other devices, or two devices have the same unit id."""
     by_unit: dict[int, PlannedDevice] = {}
     for device in devices:
         if len(devices) > 1 and not device.profile.has_registers:
@@ -165,7 +166,7 @@ def _limits(limits: LimitsConfig) -> HeaterLimits:
 
 
 def _guardian(source: PlannedDevice, devices: Iterable[PlannedDevice], limits: LimitsConfig, where: str) -> Task | None:
-    """Return the task of the guardian, or None; ConfigError if the driver may wait too long for a reply."""
+    """Return the task of the guardian, or None if the source needs none; ConfigError if `watchdog_s` is too short."""
     if source.is_simulated or source.source_type.has_watchdog:
         return None
     longest_s = max(*PAUSES_S, *(_reply_timeout_s(device) for device in devices if not device.is_simulated))

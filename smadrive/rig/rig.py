@@ -51,7 +51,7 @@ class Rig:
     clock           clock of the loops; None: the clock of the connection (real time on a port, virtual time on sim://)
     trace_folder    folder for traces of the traffic, one file for each connection (see TraceFile); None traces nothing
 
-    ConfigError when the devices do not form a rig, or a limit is implausible for its wire.
+    ConfigError when the devices contradict each other (see plan.py), or a limit is implausible for the wire.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Rig:
         return 1.0 / self.config.rate_hz
 
     def measure(self) -> Measurement:
-        """Return one measurement at zero current; raises the errors of the devices."""
+        """Set the current to zero and return one measurement; SmadriveError if a device fails."""
         return self.heater.exchange(0.0)
 
     def enter_safe_state(self) -> None:
@@ -143,7 +143,10 @@ class Rig:
         inverse: DisplacementInverse,
         record: Record,
     ) -> LoopMetrics:
-        """Track a displacement reference with the given inverse, and pass every tick to `record`."""
+        """Track a displacement reference with the given inverse model. Return the metrics of the loop.
+
+        `record` is called with every tick.
+        """
         controller = tracking_controller(self.config, reference, model, balance, inverse)
         return self.drive(controller, balance, record, model)
 
@@ -155,8 +158,9 @@ class Rig:
         model: HysteresisModel | None = None,
         stop_requested: StopRequested = never,
     ) -> LoopMetrics:
-        """Arm, run `controller` to its end, and disarm. Pass every tick to `record`.
+        """Arm, run `controller` to its end, and disarm. Return the metrics of the loop.
 
+        record            called with every tick
         balance           heat balance of the wire; ConfigError if it cannot belong to the rig's wire
         model             if given, a displacement outside the model's range at the measured temperature is a fault
         stop_requested    called before every exchange; the run ends when it returns True
@@ -169,7 +173,10 @@ class Rig:
         check_same_wire(balance, self.nominal_balance, self.config.wire)
 
     def clear_faults(self) -> Measurement:
-        """Clear the latched faults of the devices, then the trip latch; SafetyError if a fault persists."""
+        """Clear the latched faults of the devices, then the trip latch. Return a measurement at zero current.
+
+        SafetyError if a fault persists.
+        """
         measurement = self.heater.clear_faults()
         self.latch.clear()
         return measurement

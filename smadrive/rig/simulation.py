@@ -28,7 +28,10 @@ class SimulatedConnections:
 
 
 def simulate(sim: str) -> SimulatedConnections:
-    """Return the connections to a new bench with the simulated wire `sim`. Only this function imports the simulator."""
+    """Return the connections to a new simulated bench. `sim` is the path or the shipped name of a simulation file.
+
+    Only this function imports the simulator.
+    """
     from firmware_sim.bench import SimulatedBench  # noqa: PLC0415
     from firmware_sim.config import load_sim  # noqa: PLC0415
 

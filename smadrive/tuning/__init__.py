@@ -1,4 +1,4 @@
-"""The live tuning page: a session in the control process, which runs the loop, and three child processes that may die.
+"""The live tuning page: a session in the control process, which runs the loop, and three child processes.
 
 session/ is the session, front/ answers OFF, page/ shows the run and sends requests, builder/ builds models, link/
 connects the processes. The page of `smadrive watch` uses front/ and page/ without a session; watching.py feeds it. This

@@ -92,7 +92,7 @@ class LivePage:
         return f"http://{ADDRESS}:{self._port}/"
 
     def __enter__(self) -> Self:
-        """Open the port and start both processes. At the end, the front process ends first and informs the pages."""
+        """Open the port and start both processes. On exit, the front process ends first and informs the pages."""
         with ExitStack() as stack:
             listener = stack.enter_context(_listen(self._port))
             self._port = listener.getsockname()[1]
@@ -174,7 +174,7 @@ class BuilderProcess(SupervisedProcess):
         self._link.send(b"%d" % self._number, pack_request(request))
 
     def result(self) -> BuildResult | None:
-        """Return the result, or None until it arrives (see ModelBuilder); a failure if the child has died."""
+        """Return the result, or None until it arrives (see ModelBuilder); a BuildFailure if the child has died."""
         if self._request is None:
             return None
         result = self._received(self._request)

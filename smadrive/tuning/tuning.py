@@ -25,7 +25,7 @@ ADAPTED = "adaptation"
 
 @dataclass(frozen=True)
 class Adapted:
-    """A change to the rules that `adaptation` has learnt by the time at which the build request is sent."""
+    """The change that puts the present rules of `adaptation` into the tuning, as they are when the request is sent."""
 
     adaptation: Adaptation
 
@@ -37,7 +37,8 @@ Change = SetShape | SetFeedback | SetRule | SetModel | Adapted
 class Tuning:
     """A model and the settings of the feedback.
 
-    `model` is `unmoved` with its branches moved to `shape`. `change` is the name of the change that made this tuning.
+    `unmoved` is the model before its branches were moved, `shape` the wanted place and width of the branches, and
+    `model` the model with this shape. `change` is the name of the change that made this tuning.
     `caveats` are reasons to distrust the model. They stay until another model is fitted or loaded.
     """
 
@@ -160,7 +161,7 @@ def _check_rule(change: SetRule, branch: str) -> None:
     low, high = sorted((0.0, -change.a))
     if not low <= change.b <= high:
         raise ModelError(
-            "with this value the state leaves [0, 1]",
+            "with this value the state of the model leaves [0, 1]",
             where="b",
             value=f"{change.b:g}",
             limit=f"{low:g} to {high:g}",

@@ -1,4 +1,4 @@
-"""What the page of `smadrive watch` shows: every measurement, and a status with faults and the end of the command."""
+"""The data of the page of `smadrive watch`: every measurement, and a status with faults and the end of the command."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class WatchFeed:
         self._publish(None, None)
 
     def tick(self, tick: Tick) -> None:
-        """Send a measurement."""
+        """Send the measurement of a tick to the pages, and every `STATUS_S` also the status."""
         if self._began_s is None:
             self._began_s = tick.measurement.time_s - tick.time_s
         self._channel.append(row_of(tick, self._began_s))

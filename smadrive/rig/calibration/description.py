@@ -8,12 +8,12 @@ from smadrive.devices.calibration import CalibrationConfig, DisplacementCalibrat
 
 
 def today() -> date:
-    """Return the date of today where the user is."""
+    """Return the present date in the local time zone."""
     return datetime.now().astimezone().date()
 
 
 def descriptions(config: CalibrationConfig, on: date) -> dict[str, str]:
-    """Return one text per sensor: its offset and scale, and the age of its calibration on the day `on`."""
+    """Return one text for each sensor, by its name: offset, scale, and the age of the calibration on the day `on`."""
     return {sensor: f"{sensor} {_description(calibration, on)}" for sensor, calibration in config}
 
 

@@ -28,7 +28,7 @@ class SteadyReading(NamedTuple):
 
 
 def read_steadily(rig: Rig, quantity: str, duration_s: float) -> SteadyReading:
-    """Return the reading of a sensor over `duration_s`; the heater stays off.
+    """Return the mean of the readings of `quantity` over `duration_s`; the heater stays off.
 
     DataError when a reading is invalid, or the readings are not steady.
     """
@@ -64,7 +64,7 @@ def check_measured(rig: Rig, quantity: str) -> None:
 
 
 def check_reading(rig: Rig, quantity: str) -> None:
-    """Raise DataError if the sensor of the open rig has no valid reading."""
+    """Raise DataError if the sensor of `quantity` gives no valid reading now. The rig must be open."""
     _valid(rig, quantity)
 
 

@@ -15,7 +15,7 @@ from smadrive.files.shipped import is_shipped
 
 
 def check_own_file(path: Path) -> None:
-    """Raise ConfigError when `path` is a shipped rig file, which belongs to no sensor."""
+    """Raise ConfigError when `path` is a shipped rig file: all users share it, so it cannot hold a calibration."""
     if is_shipped(path):
         raise ConfigError(
             "a shipped rig file is not changed",

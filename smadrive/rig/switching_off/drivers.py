@@ -1,4 +1,4 @@
-"""Finds the drivers of a rig for `off`; `devices/stopping` ends each driver.
+"""Finds and stops the drivers of a rig for `off`. A driver is a process that controls devices.
 
 Two programs on one line would take each other's replies for their own.
 """
@@ -21,9 +21,10 @@ MOST_LATE = 4
 
 
 def stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
-    """Stop the drivers that use the lines of these devices; return them, and the first error or None.
+    """Stop the drivers that use the lines of these devices. Return the stopped drivers, and the first error or None.
 
-    All drivers have the same `ANSWERS_WITHIN_S`. A driver that listens at several names of a line is returned once.
+    All drivers share one deadline, `ANSWERS_WITHIN_S` after the call. A driver that listens at several names of a line
+    is returned once.
     """
     listed, unknown = each(devices, _names_and_lines)
     lines = {name: line for lines_of_device in listed for name, line in lines_of_device}
@@ -42,9 +43,9 @@ def stop_late_drivers(
 ) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
     """Stop the drivers that started between `stop_drivers` and the lock of the line, until no driver is left.
 
-    Call `confirm_again` after each round. Return the stopped drivers, and the first error of a driver that could not be
-    stopped. A driver of another user can start at any time, because locks are per user. SafetyError when every one of
-    `MOST_LATE` rounds has found a driver.
+    Call `confirm_again` after each round. Return the stopped drivers, and the first error of the last round, or None. A
+    driver of another user can start at any time, because locks are per user. SafetyError when every one of `MOST_LATE`
+    rounds has found a driver.
     """
     stopped: tuple[StoppedDriver, ...] = ()
     for _ in range(MOST_LATE):
@@ -62,7 +63,7 @@ def stop_late_drivers(
 
 
 def _names_and_lines(device: PlannedDevice) -> list[tuple[str, str]]:
-    """Return the names at which a driver of the device may listen, each with its line."""
+    """Return pairs: a name at which a driver of the device may listen, and the line. A simulated device has none."""
     if device.is_simulated:
         return []
     key = key_of(device)

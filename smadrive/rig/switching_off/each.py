@@ -10,7 +10,7 @@ ResultT = TypeVar("ResultT")
 
 
 def each(devices: Iterable[DeviceT], act: Callable[[DeviceT], ResultT]) -> tuple[list[ResultT], Exception | None]:
-    """Call `act` for every device, even after an error. Return the results and the first error."""
+    """Call `act` for every device, even after an error. Return the results, and the first error or None."""
     results: list[ResultT] = []
     failure: Exception | None = None
     for device in devices:

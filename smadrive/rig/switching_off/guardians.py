@@ -1,4 +1,4 @@
-"""The guardians of earlier runs that still wait for their devices."""
+"""Guardians (processes that switch a heat source off after a driver failed) that still wait for their devices."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from smadrive.errors import SafetyError, SmadriveError
 
 
 def waiting_guardians() -> list[str]:
-    """Return a sentence with a cure for each guardian that waits; SafetyError if the state folder is unreadable."""
+    """Return one text with a cure for each waiting guardian. SafetyError if the state folder is unreadable."""
     return [str(duty) for duty in waiting_duties()]
 
 

@@ -37,7 +37,7 @@ class _OffSection(Section):
 
 
 def load_off_config(name: str) -> OffConfig:
-    """Load only the devices of the rig file `name`, even if other parts are wrong or not valid TOML.
+    """Load devices and current limit of the rig file `name`, even if other parts are wrong or not valid TOML.
 
     ConfigError if the devices cannot be read.
     """

@@ -154,7 +154,7 @@ def _switch_source_off(device: PlannedDevice, connections: Connections, current_
 
 
 def _confirm_off(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
-    """Switch the source off and return its answer when no current flows."""
+    """Switch the source off, wait until no current flows, and return the last answer of the source."""
     source.connect()
     return wait_for_zero_current(source, current_max_a, clock)
 
@@ -181,7 +181,7 @@ def _relieve_guardians(off: Iterable[_SourceOff]) -> Iterator[str]:
 
 
 def _displaced(off: Iterable[_SourceOff]) -> Iterator[str]:
-    """Yield the guardians whose device was at one of these ports, where another device has answered now."""
+    """Yield a text for each guardian whose device was at one of these ports: another device has answered there now."""
     with suppress(SafetyError):  # without the state folder the guardians are unknown, and `off` warns of that
         duties = waiting_duties()
         for key in (one.key for one in off if one.key is not None):
@@ -190,7 +190,7 @@ def _displaced(off: Iterable[_SourceOff]) -> Iterator[str]:
 
 
 def _latched(off: _SourceOff) -> list[str]:
-    """Return the latched faults of the device and of the trip latch."""
+    """Return the texts of the latched faults of the device, and of the trip latch."""
     return [*off.faults, *filter(None, [off.latch.read()])]
 
 

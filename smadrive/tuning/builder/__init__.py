@@ -1,5 +1,5 @@
-"""The model builder process: it changes and checks models, and builds controllers. The loop
-does not do this work itself, because the work would delay its ticks.
+"""The model builder process: it changes and checks models, and builds controllers.
 
-It may import control, hysteresis, rig, `tuning.tuning` and `tuning.link`; never the session, the pages or a device.
+The loop does not do this work itself, because the work would delay the ticks. This package may import control,
+hysteresis, rig, `tuning.tuning` and `tuning.link`; never the session, the pages or a device.
 """

@@ -55,7 +55,7 @@ BuildResult = Built | BuildFailure
 
 
 class ModelBuilder(Protocol):
-    """Builds one request at a time."""
+    """Builds tunings with their controllers, one request at a time."""
 
     def begin(self, request: BuildRequest) -> None:
         """Begin to build `request`. Call this only after `result` has returned the result of the previous request."""
@@ -67,7 +67,7 @@ class ModelBuilder(Protocol):
 
 
 def build(request: BuildRequest) -> Built:
-    """Change and check the tuning, and build its controller.
+    """Return the changed and checked tuning of a request, with its controller.
 
     ConfigError, ModelError or CertificateError when the tuning cannot be put in force.
     """

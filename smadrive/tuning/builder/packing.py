@@ -25,7 +25,10 @@ KEPT_MODELS = 16
 
 
 class ModelCache:
-    """The models that were used last, by their texts. Parsing a text is slow: it computes the model's tables."""
+    """The models that were used last, by the texts of their model files.
+
+    Parsing a text is slow, because it computes the tables of the model.
+    """
 
     def __init__(self) -> None:
         self._models: OrderedDict[str, IdentifiedModel] = OrderedDict()
@@ -50,7 +53,7 @@ class _Pickler(pickle.Pickler):
         self._name = name
 
     def persistent_id(self, thing: object) -> Any:
-        """Return the name of an object that the receiver has already. Return None for an object that is sent whole."""
+        """Return the name of `thing` if the receiver can restore it from a name. Return None to send `thing` whole."""
         return self._name(thing)
 
 
@@ -60,17 +63,17 @@ class _Unpickler(pickle.Unpickler):
         self._find = find
 
     def persistent_load(self, name: Any) -> object:
-        """Return the receiver's own object of this name."""
+        """Return the object that `name` stands for, as the receiver has it."""
         return self._find(name)
 
 
 def pack_request(request: BuildRequest) -> bytes:
-    """Return a request as bytes."""
+    """Return a request as bytes. Models in it become the texts of their model files."""
     return _pickled(request, lambda thing: _text(thing) if isinstance(thing, IdentifiedModel) else None)
 
 
 def unpack_request(content: bytes, cache: ModelCache) -> BuildRequest:
-    """Return the request that `pack_request` packed. `cache` gives the models of the texts in it."""
+    """Return the request that `pack_request` packed. Models are taken from `cache`."""
     request: BuildRequest = _Unpickler(io.BytesIO(content), cache.model).load()
     return request
 

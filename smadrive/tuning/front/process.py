@@ -64,7 +64,7 @@ STALLED_S = 5.0
 
 REPORT_MS = 100
 FAREWELL_S = 0.5
-"""The front process waits at most this time until the last state has been sent to the pages."""
+"""Before it ends, the front process waits at most this time until the last state has been sent to the pages."""
 
 
 class OffHandler(GatedHandler):
@@ -101,7 +101,10 @@ class States:
         self._sockets.discard(page)
 
     def report(self, end: str | None = None) -> list[Awaitable[None]]:
-        """Send the state to all pages if it has changed. Return the messages that are being sent, to be awaited."""
+        """Send the state to all pages if it has changed. Return an awaitable for each message that is being sent.
+
+        `end` is the word for how the run has ended, such as "off", or None while it runs.
+        """
         text = json.dumps({"page": self._channel.page_server(STALLED_S), "end": end})
         if text == self._text:
             return []

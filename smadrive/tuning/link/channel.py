@@ -66,7 +66,7 @@ BLOCK = np.dtype(
 
 
 class Channel:
-    """The common part of `ControlEnd` and `PageEnd`: the shared memory, and one socket of the pair."""
+    """The common part of `ControlEnd` and `PageEnd`: the shared memory, and one of the two connected sockets."""
 
     def __init__(self, memory_fd: int, messages: socket.socket) -> None:
         self.memory_fd = memory_fd
@@ -96,10 +96,10 @@ class Channel:
 
 
 class ControlEnd(Channel):
-    """The control process's side of the channel, a context manager. Its methods never wait, and no message of a page
-    makes them fail.
+    """The control process's side of the channel, a context manager.
 
-    `offs` is the OFF count at the last call of `off_requested`, `published` the latest status.
+    No method waits, and no message of a page makes a method fail. `offs` is the OFF count at the last call of
+    `off_requested`, `published` the latest status.
     """
 
     def __init__(self) -> None:
@@ -196,7 +196,7 @@ class PageEnd(Channel):
         return self._count("rows_written")
 
     def since(self, number: int) -> tuple[int, Rows]:
-        """Return the number for the next call, and all rows since row `number` as an array (rows, columns).
+        """Return the `number` to use in the next call, and all rows since row `number` as an array (rows, columns).
 
         The array does not hold the rows that newer rows have overwritten.
         """

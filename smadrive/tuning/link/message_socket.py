@@ -14,7 +14,7 @@ import zmq
 
 
 class MessageSocket:
-    """One end of the connection at `address`, which is `ipc://PATH`. A context manager.
+    """One end of the connection at `address`, which is `ipc://PATH`; one end `listens`. A context manager.
 
     A message is a list of parts. If the receiver unpickles the messages, only the user of the
     program may have access to the folder of PATH.
@@ -44,14 +44,14 @@ class MessageSocket:
             self._socket.send_multipart(parts, zmq.NOBLOCK)
 
     def received(self) -> list[bytes] | None:
-        """Return the next message that has arrived, or None if there is none."""
+        """Return the parts of the next message that has arrived, or None if there is none."""
         try:
             return self._socket.recv_multipart(zmq.NOBLOCK)
         except zmq.Again:
             return None
 
     def wait(self, fd: int) -> bool:
-        """Wait until a message arrives or `fd` becomes readable. Return False if only a message has arrived."""
+        """Wait until a message arrives or `fd` becomes readable. Return True if `fd` is readable."""
         poller = zmq.Poller()
         poller.register(self._socket, zmq.POLLIN)
         poller.register(fd, zmq.POLLIN)

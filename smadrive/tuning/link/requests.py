@@ -21,7 +21,7 @@ FeedbackKey = Literal["closed_loop_s", "integral_s", "feedforward_share"]
 
 
 class PageRequest(Section):
-    """The base of all requests."""
+    """The base of all requests. The answer to a request repeats its `number`."""
 
     number: int = Field(ge=0)
 
@@ -149,14 +149,14 @@ class Keep(PageRequest):
 
 
 class Recall(PageRequest):
-    """Put the tuning of slot A or B in force."""
+    """Put the tuning that is stored in slot A or B in force."""
 
     act: Literal["recall"]
     slot: Slot
 
 
 class Compare(DrivingRequest):
-    """Begin or end a comparison: slots A and B alternate at every cycle of the reference, and every cycle is scored."""
+    """Begin or end a comparison: the tunings in slots A and B drive the wire in turn, one cycle each."""
 
     act: Literal["compare"]
     on: bool
@@ -206,7 +206,7 @@ class _NumberedMessage(PageRequest, extra="ignore"):
 
 
 def numbered(message: bytes) -> PageRequest | None:
-    """Return the number of a malformed request as a PageRequest. Return None if the request has no number."""
+    """Return a PageRequest with the number of a malformed request, or None if the request has no number."""
     try:
         return _NumberedMessage.model_validate_json(message)
     except ValidationError:

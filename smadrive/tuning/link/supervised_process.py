@@ -69,7 +69,7 @@ class SupervisedProcess:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the child: end its standard input, and kill it if it still runs after `END_WITHIN_S`."""
+        """Close the standard input of the child, so that it ends. Kill it if it still runs after `END_WITHIN_S`."""
         self._is_ending.set()
         self._keeper.join()  # the thread also ends a restart that has begun
         self._close_pipes()
@@ -137,7 +137,7 @@ class SupervisedProcess:
         return False
 
     def _restart(self) -> None:
-        """Start the child until it runs or the session ends: a lack of memory or of descriptors may be temporary."""
+        """Try to start the child until it runs or the session ends: a lack of memory may be temporary."""
         while not self._is_ending.wait(RESTART_S):
             try:
                 self._start()

@@ -34,7 +34,7 @@ class ButtonEvents(DataModel):  # type: ignore[misc]  # bokeh has no type for it
     latest = Tuple(String, Int, Int, default=("", 0, 0))
 
     def set_offs(self, offs: int) -> None:
-        """Send the OFF count to the browser if it has changed."""
+        """Send the OFF count `offs` to the browser if it has changed."""
         if self.offs != offs:
             self.offs = offs
 

@@ -37,7 +37,7 @@ class ClientRegistry:
         self._report()  # a restarted page process has no client yet
 
     def may_control(self, token: str) -> bool:
-        """Return True if `token` is the token that permits control. Without such a token, no client may control."""
+        """Return True if `token` permits control. Return False if the registry was created with the token None."""
         return self._token is not None and secrets.compare_digest(token.encode(), self._token.encode())
 
     def enter(self, client: str) -> None:
@@ -46,7 +46,7 @@ class ClientRegistry:
         self._report()
 
     def claim(self, client: str) -> bool:
-        """Give control to `client`, which has the token, if no client controls. Return `controls(client)`."""
+        """Give control to `client`, which has the token, if control is free. Return True if `client` then controls."""
         if self._controlling is None:
             self._controlling = client
             self._report()
@@ -64,7 +64,7 @@ class ClientRegistry:
         self._report()
 
     def ask(self, client: str, act: str, answered: Answered, **values: Any) -> None:
-        """Send the request `act` with `values` if `client` controls, else refuse it. `answered` gets the answer."""
+        """Send the request `act` with `values`; refuse it if `client` does not control. `answered` gets the answer."""
         if not self.controls(client):
             answered(WATCHES)
             return

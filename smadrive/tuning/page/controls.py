@@ -19,7 +19,8 @@ Act = Callable[..., None]
 class Controls:
     """All widgets. The template page.html places them by their names.
 
-    Every action of the user calls `act`, which checks that this client controls.
+    Every action of the user calls `act`, which checks that this client controls the session. `references` are the names
+    of the references that the user can start.
     """
 
     def __init__(self, act: Act, references: list[str]) -> None:

@@ -31,24 +31,27 @@ MAX_SAMPLES = 12000
 """A fit uses every n-th sample of a record: n is the number of samples divided by this, rounded down, at least 1."""
 
 COMPLETING_SAMPLES = 100
-"""Number of added samples for each way: to either end of the travel, and back."""
+"""Number of added samples on each of four ways: to the hot end of the travel and back, to the cold end and back."""
 
 UNMET = 0.1
-"""The added samples towards the cold end begin this share of the recorded temperature range below the coldest sample.
+"""The added samples towards the cold end begin below the coldest sample, by this share of the recorded range.
 
 Over this distance, an inner branch comes near the outer branch.
 """
 
 AT_END = 1e-9
-"""The way of the model to an end of the travel is not scaled if it is shorter than this share of the measured way."""
+"""Least distance of the model from an end of the travel, as a share of the measured distance from this end.
+
+`_begun_at` does not scale displacements that begin nearer to the end.
+"""
 
 MIN_MOVED = 0.1
 """Least movement of the wire, as a share of the travel of the model. A smaller movement counts as noise."""
 
 DRIFTED = 0.5
-"""A larger difference of the mean error between the two halves of a record gives a caveat. Unit: % of the output span.
+"""A larger difference between the mean fit errors of the two halves of a record gives a caveat.
 
-In a sound record the difference is at most 0.2 %.
+The unit is % of the output span. In a sound record the difference is at most 0.2 %.
 """
 
 ARM_AND_START = "arm and start a reference, then fit"
@@ -85,9 +88,11 @@ def _new_pool() -> ProcessPoolExecutor:
 
 
 def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
-    """Return wire temperature and displacement of the heated and measured samples in the last `seconds`.
+    """Return the wire temperatures in °C and the displacements in mm of the last `seconds`, each of shape (samples,).
 
-    A warm-up at the beginning is left out. IdentificationError when the samples do not contain a full loop.
+    Samples without heating or without a measured displacement, and the warm-up at the beginning, are left out. Long
+    records are thinned out (see MAX_SAMPLES). `wire` is the text of the wire in force. IdentificationError when the
+    samples do not contain a full loop.
     """
     wire_c, reached_mm = (rows[:, COLUMNS.index(name)] for name in ("estimated_c", "displacement_mm"))
     times_s = rows[:, COLUMNS.index("time_s")]
@@ -117,7 +122,7 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
 
 
 def _warmed_up(wire_c: Array) -> int:
-    """Return the number of samples in the warm-up.
+    """Return the number of samples in the warm-up, with which `wire_c` begins.
 
     The warm-up ends at the first sample that is as warm as the wire was at the end of its largest cooling.
     """
@@ -128,7 +133,7 @@ def _warmed_up(wire_c: Array) -> int:
 def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> None:
     """Raise IdentificationError unless the measured samples alone contain a loop.
 
-    The completing samples are left out of this check, because they always contain a loop.
+    The samples that `_completing` adds later are not checked, because they always contain a loop.
     """
     cold_mm, hot_mm = travel_mm(model)
     moved_mm = float(np.ptp(reached_mm))
@@ -141,7 +146,8 @@ def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> Non
 def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> IdentifiedWire:
     """Return `wire` with a model of the same kind, fitted to the given samples.
 
-    `wire_c` and `reached_mm` are wire temperature and displacement; `wire` is the text of the wire in force.
+    `wire_c` and `reached_mm` are wire temperature and displacement, of shape (samples,); `wire` is the text of the wire
+    in force.
     """
     in_force = parse_wire(wire, place="the wire in force")
     document = json.loads(wire)
@@ -158,9 +164,10 @@ def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> IdentifiedWire:
 
 
 def _drifts(residual_percent: Array) -> tuple[str, ...]:
-    """Return a caveat if the two halves of the record differ, otherwise an empty tuple.
+    """Return a tuple of one caveat if the fit errors of the record's two halves differ, otherwise an empty tuple.
 
-    A difference means that the wire or a sensor has changed. Then the model is a mean of both halves.
+    `residual_percent` is the fit error of each sample in % of the output span. A difference means that the wire or a
+    sensor has changed. Then the model is a mean of both halves.
     """
     earlier, later = np.array_split(residual_percent, 2)
     percent = abs(float(np.mean(later)) - float(np.mean(earlier)))
@@ -171,10 +178,10 @@ def _drifts(residual_percent: Array) -> tuple[str, ...]:
 
 
 def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tuple[Array, Array]:
-    """Return temperatures outside the record, and the displacements that `model` expects there.
+    """Return temperatures (°C) outside the record, and the displacements (mm) that `model` expects at them.
 
     The path leads to the hot end of the travel and back, then to the cold end and back. The ways to both ends begin at
-    the measured displacement, even if `model` expects a different one: a step between record and completing samples
+    the measured displacement, even if `model` expects a different one: a step between record and added samples
     would contradict the record, and the fit would bend the ends of the travel to reduce the step. `model` goes to
     the cold end along the branch from the hot end, but the record ends on an inner branch. So the samples towards the
     cold end begin only where these two branches meet.
@@ -192,7 +199,7 @@ def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tup
 
 
 def _begun_at(start_mm: float, way_mm: Array) -> Array:
-    """Return the displacements `way_mm` to an end of the travel, scaled to begin at `start_mm`. The last one stays."""
+    """Return the displacements `way_mm` to an end of the travel, scaled to begin at `start_mm` and to end as before."""
     end_mm, left_mm = way_mm[-1], way_mm - way_mm[-1]
     if abs(left_mm[0]) <= AT_END * max(abs(start_mm - end_mm), AT_END):
         return way_mm

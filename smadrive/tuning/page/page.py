@@ -165,7 +165,7 @@ class Page:
         self._show_knobs(self._clients.status["tuning"], now=True)
 
     def _fit(self, seconds: float) -> None:
-        """Fit a model in the process of the fitter, then request the fitted model as a change."""
+        """Fit a model to the last `seconds` in the process of the fitter. Then send the fitted model as a request."""
         (_, rows), wire = self._clients.channel.since(0), self._clients.status["tuning"]["wire"]
         try:
             fitting = self._fitter.fit(rows, seconds, wire)

@@ -41,7 +41,10 @@ class LoopTiming:
 
 
 def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: bool) -> str:
-    """Return the header as HTML: heater, active limits, model, loop timing, and whether this page has control."""
+    """Return the header line of the tuning page as HTML: heater, active limits, model, loop timing, control.
+
+    `timing` is the text of the loop timing. `late` marks it as a warning. `controls` says that this page has control.
+    """
     mode, limits = status["mode"], status["limited_by"]
     tuning = status["tuning"]
     certified = f"contracting, {tuning['invertible_percent']:.1f} % invertible"
@@ -63,7 +66,10 @@ def _dropped_chip(memory: dict[str, Any]) -> str:
 
 
 def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:
-    """Return the header of a page without controls as HTML: the devices, and the timing of the measurements."""
+    """Return the header line of the page of `smadrive watch` as HTML: heater off, devices, timing of the measurements.
+
+    `timing` is the text of the timing. `late` marks it as a warning.
+    """
     devices = "; ".join(f"{name}: {identity}" for name, identity in status["devices"].items())
     return "".join(
         [
@@ -75,7 +81,10 @@ def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:
 
 
 def watch_banner_html(status: dict[str, Any]) -> str:
-    """Return the HTML that names a lost device, latched faults and a fault of the thermocouple; empty without any."""
+    """Return the warnings of the page of `smadrive watch` as HTML; an empty text if there are none.
+
+    The warnings are a lost device, the latched faults of device and rig, and a fault of the thermocouple.
+    """
     lines = _device_lines(status, clear="run `smadrive off RIG --clear-faults`")
     if status["latched"]:
         lines.append(
@@ -85,9 +94,9 @@ def watch_banner_html(status: dict[str, Any]) -> str:
 
 
 def banner_html(status: dict[str, Any], note: str) -> str:
-    """Return as HTML the faults with their remedies, a lost device, warnings about the model, and `note`.
+    """Return faults, a lost device, warnings about the model, and `note` as HTML; an empty text if there are none.
 
-    `note` says how the last action of this page ended.
+    `note` is a text about the last action of this page, for example the reason for a refusal.
     """
     lines = []
     if status["mode"] == "off, unconfirmed":
@@ -102,7 +111,10 @@ def banner_html(status: dict[str, Any], note: str) -> str:
 
 
 def _device_lines(status: dict[str, Any], clear: str) -> list[tuple[str, str]]:
-    """Return the lines about a lost device and about faults; `clear` says how latched faults are cleared."""
+    """Return lines about a lost device, latched faults and the thermocouple, each with its CSS classes and its text.
+
+    `clear` is the instruction for clearing latched faults.
+    """
     lines = []
     if status["lost"]:
         lines.append(("bad lost", f"no answer: {status['lost']}"))
@@ -119,7 +131,7 @@ def _lines_html(lines: list[tuple[str, str]]) -> str:
 
 
 def events_html(events: list[tuple[float, str]]) -> str:
-    """Return the HTML of the table of the latest events; the newest comes first."""
+    """Return the table of the latest events as HTML. `events` are (time in s, text), the oldest first."""
     lines = [
         f"<tr><td>{time_s:.1f} s</td><td>{escape(text)}</td></tr>" for time_s, text in reversed(events[-SHOWN_EVENTS:])
     ]
@@ -127,7 +139,7 @@ def events_html(events: list[tuple[float, str]]) -> str:
 
 
 def scores_html(comparison: dict[str, Any]) -> str:
-    """Return the HTML of the slots A and B with tuning and score; the slot that drives the wire is marked."""
+    """Return slots A and B as HTML, each with its tuning and its score. The slot that drives the wire is marked."""
     cells = []
     for slot in ("A", "B"):
         mean_percent, cycles = comparison["scores"][slot]

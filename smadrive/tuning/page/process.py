@@ -34,7 +34,7 @@ UNUSED_MS = 1000
 
 
 def serve(parameters: dict[str, Any]) -> None:
-    """Serve pages until standard input ends."""
+    """Serve pages until standard input ends. `parameters` are those of PageProcess in processes.py."""
     channel = PageEnd(parameters["memory_fd"], socket.socket(fileno=parameters["socket_fd"]))
     clients, fitter = ClientRegistry(channel, parameters.get("token")), Fitter()
     history = SampleHistory(channel)
@@ -72,5 +72,5 @@ def serve(parameters: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    logging.getLogger("bokeh").setLevel(logging.ERROR)  # a client that leaves is not worth a warning
+    logging.getLogger("bokeh").setLevel(logging.ERROR)  # bokeh warns of every client that leaves
     run(serve)

@@ -23,7 +23,7 @@ class RulesTable:
         self.widget = self._table()
 
     def show(self, centres: list[float], laws: dict[str, list[float]]) -> None:
-        """Show the rules in force: `centres` of the sets, and `laws`, the numbers of each column of `LAWS`."""
+        """Show the rules in force: `centres` of the fuzzy sets in °C, and `laws` with one number per set and law."""
         self._shown = [laws[name] for name in LAWS]
         self._source.data = {"centre": centres, **{name: list(laws[name]) for name in LAWS}}
 

@@ -18,10 +18,10 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
 
 
 def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any]) -> tuple[Path, Path]:
-    """Write the tuning in force, taken from the status of the session, to NAME.json and NAME.toml in `folder`.
+    """Write the tuning in force to NAME.json (model) and NAME.toml (rig) in `folder`, and return the two paths.
 
-    ConfigError when the name is invalid or exists already, or when the rig file cannot be read. DataError when a file
-    cannot be written; then neither file is left.
+    `status` is the published status, which holds the tuning. ConfigError when the name is invalid or exists already, or
+    when the rig file cannot be read. DataError when a file cannot be written; then neither file is left.
     """
     if not name:
         raise ConfigError("the new files have no name", cure="type a name into the field beside Save")

@@ -1,9 +1,10 @@
-"""The online adaptation of a session. While the heater is on, the adaptation learns at every tick.
+"""The online adaptation of a session. While the heater is on, every tick adapts the rules of the model.
 
-Every `PUBLISH_S` its rules are put in force. The adaptation needs the wire temperature. This temperature is estimated
-without the displacement: an observer that also used the displacement would explain a wrong model by a wrong
-temperature. The estimate begins at the first tick of the session. An estimate that began while the wire heats up would
-start from a thermocouple that lags 15 K behind, and would falsify the rules until the estimate had converged.
+Every `PUBLISH_S` seconds the adapted rules are put in force. The adaptation needs the wire temperature. This
+temperature is estimated without the displacement: an observer that also used the displacement would explain a wrong
+model by a wrong temperature. The estimate begins at the first tick of the session. An estimate that began while the
+wire heats up would start from a thermocouple that lags 15 K behind, and would falsify the rules until the estimate had
+converged.
 
 After another change, the adaptation restarts from the model in force. Undo takes back the whole adaptation. Undo and
 redo end the adaptation. When the displacement sensor turns out to be faulty, rules that were learnt from the fault are
@@ -28,7 +29,10 @@ PUBLISH_S = 2.0
 
 
 class AdaptationRunner:
-    """Switches the adaptation on and off, passes ticks to it, and says when its rules are due to be put in force."""
+    """Passes ticks to the online adaptation, and says when the adapted rules are due to be put in force.
+
+    `period_s` is the period of the loop, `noise_c` the noise of the measured temperature in °C.
+    """
 
     def __init__(self, tuning: Tuning, balance: HeatBalance, period_s: float, noise_c: float) -> None:
         self._balance = balance
@@ -71,7 +75,10 @@ class AdaptationRunner:
         return WireObserver(wire, self._period_s, self._noise_c, abs(tuning.model.scale))
 
     def update(self, tick: Tick, tuning: Tuning, *, is_heating: bool) -> str | None:
-        """Learn from a tick if the heater is on. Return why the adaptation has ended, None while it goes on."""
+        """Adapt the rules to a tick while the heater is on. Return the event to report if a fault ended the adaptation.
+
+        Otherwise return None.
+        """
         wire_c = self._wire_c(tick.measurement)
         if self._adaptation is None or not is_heating:
             return None
@@ -84,7 +91,7 @@ class AdaptationRunner:
         return f"adaptation ended: {self._ended.sensor_fault}; the rules from before the fault are put in force"
 
     def _wire_c(self, measurement: Measurement) -> float:
-        """Return the wire temperature, estimated only from heat balance and thermocouple. Return NaN if unknown."""
+        """Return the wire temperature in °C, estimated only from heat balance and thermocouple; NaN if unknown."""
         dt_s, self._time_s = measurement.time_s - self._time_s, measurement.time_s
         power_w = measurement.current_a * measurement.voltage_v
         if not isfinite(power_w):

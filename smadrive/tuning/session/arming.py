@@ -6,7 +6,7 @@ from smadrive.tuning.link.requests import Arm
 from smadrive.tuning.session.state import SessionState
 
 MAX_WAIT_S = 2.0
-"""An Arm that waits longer is refused: the wire must not heat when the user does not expect it any more."""
+"""A request to arm that waits longer is refused: after this time, the user does not expect the wire to heat."""
 
 
 class Arming:
@@ -25,11 +25,11 @@ class Arming:
         self._state.arm_request, self._state.arm_requested_s = request, self._state.now_s
 
     def settle(self, refused: str | None) -> None:
-        """Answer the request that waits, if there is one. `refused` is the reason, or None when the heater is on."""
+        """Answer the waiting request to arm, if any. `refused` is the reason for a refusal; None: the heater is on."""
         request, self._state.arm_request = self._state.arm_request, None
         self._state.answer(request, refused)
 
     def expire(self) -> None:
-        """Refuse the request if it has waited too long."""
+        """Refuse the request to arm if it has waited longer than `MAX_WAIT_S`."""
         if self.is_waiting and self._state.now_s - self._state.arm_requested_s > MAX_WAIT_S:
             self.settle("a change was still being built: press Arm again")

@@ -1,4 +1,4 @@
-"""The references that a page can start: references of the session by name, and others by a one-line form.
+"""The references that a page can start: by name, or by a one-line form such as `sine:low_mm=2,high_mm=9,period_s=56`.
 
 The table of a reference is computed between two ticks, so its length is limited. For a reference of `LONGEST_S`, the
 computation takes half a period at 20 Hz. On the page a reference repeats by itself; `smadrive run` tracks longer
@@ -22,14 +22,14 @@ from smadrive.wire.wire_model import travel_mm
 LONGEST_S = 600.0
 
 APPROACH_S = 10.0
-"""Duration of the approach to the beginning of a reference.
+"""Time in which the setpoint moves from its present value to the beginning of a reference.
 
-The return from the end of a reference to its beginning takes the same time, if these displacements differ.
+If a reference ends at another displacement than it begins, the way back to its beginning takes the same time.
 """
 
 
 class ReferenceCatalogue:
-    """The references of a session by their names. ConfigError for a reference that is too long for the page."""
+    """The references of a session by their names. ConfigError for a reference that is longer than `LONGEST_S`."""
 
     def __init__(self, references: Mapping[str, Reference]) -> None:
         for name, reference in references.items():
@@ -47,11 +47,11 @@ class ReferenceCatalogue:
 
     @property
     def names(self) -> list[str]:
-        """The names, in the order in which they were given."""
+        """The names of the references, in the order in which the references were given."""
         return list(self._references)
 
     def path(self, name: str | None, tuning: Tuning, from_mm: float) -> Reference:
-        """Return the reference of a name or a one-line form, with an approach from the setpoint `from_mm`.
+        """Return a reference by its name or one-line form. It begins with a move from the present setpoint `from_mm`.
 
         If `name` is None, the reference stays at `from_mm`. ConfigError or DataError when `name` is neither a known
         name nor a one-line form, or when the reference leaves the travel of the wire.

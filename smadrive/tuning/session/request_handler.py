@@ -52,7 +52,7 @@ class RequestHandler:
             self._stop_without_front()
 
     def receive(self, message: bytes) -> None:
-        """Do, queue or refuse the request in `message`. An OFF that was pressed before the message is done first."""
+        """Do, queue or refuse the request in `message`. An OFF that has been counted by now is done before it."""
         self.check_off()
         try:
             self._do(parse_request(message))
@@ -96,7 +96,7 @@ class RequestHandler:
             raise ConfigError("the adaptation would change the compared tunings", cure="stop the adaptation first")
         self._change_queue.add(request, self._state.live)
         if isinstance(request, Keep):
-            self._state.report(f"slot {request.slot} keeps '{self._state.tunings.in_force.change}'")
+            self._state.report(f"slot {request.slot} keeps the tuning after '{self._state.tunings.in_force.change}'")
 
     def _arm(self, request: Arm) -> None:
         if self._off_path.is_silent(self._state.now_s):

@@ -44,8 +44,8 @@ from smadrive.wire.heat_balance import HeatBalance
 class TuningSession:
     """A session with one rig, one wire and one page.
 
-    `references` are the references that a page can start, by their names (see ReferenceCatalogue). `record` gets every
-    tick. `recorder` writes the log of the session. Without it, the session is not logged.
+    `references` are the references that a page can start, by their names (see ReferenceCatalogue). `record` is
+    called with every tick. `recorder` writes the log of the session; if it is None, there is no log.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class TuningSession:
         self._publish()
         self._note()
         self._state.report(SESSION_ENDED[self._status.end])
-        with suppress(DataError):  # the end of the log reports that it cannot be written
+        with suppress(DataError):  # this error is reported when the log is closed
             self._log.write_events()
 
     def _note(self) -> None:
@@ -108,7 +108,7 @@ class TuningSession:
         self._log.note(self._state.now_s, self._state.mode, self.tunings.in_force)
 
     def _wait(self) -> None:
-        """Measure with the heater off, until an Arm waits and no change is queued or being built."""
+        """Measure with the heater off, until a request to arm waits and no change is queued or being built."""
         clock, period_s = self._rig.clock, self._rig.period_s
         due_s = clock.now_s()
         while not self._may_heat():
@@ -127,7 +127,7 @@ class TuningSession:
         return self._arming.is_waiting and not self._change_queue.is_busy
 
     def _heat(self) -> None:
-        """Run the control loop once. Its first tick answers the Arm."""
+        """Run the control loop once. The first tick of the loop answers the request to arm."""
         self._status.clear_fault()
         self._state.stop_requested, self._is_served = False, True
         try:
@@ -168,7 +168,7 @@ class TuningSession:
             outcome.obey_signals()
 
     def _take(self, tick: Tick) -> None:
-        """Send a tick to the page, the comparison, the adaptation and the record."""
+        """Send a tick to the page, the comparison, the adaptation, the function `record` and the log."""
         measurement, command = tick.measurement, tick.command
         self._channel.append(row_of(tick, self._state.began_s))
         self._status.measurement = measurement

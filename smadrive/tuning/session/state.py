@@ -18,7 +18,8 @@ class SessionState:
     """The shared state of a session.
 
     `began_s` is the time of the clock at the start. `live` is the controller while the control loop runs, otherwise
-    None. `arm_request` is the Arm that waits, or None. `stop_requested` ends the loop before its next exchange.
+    None. `arm_request` is the request to arm that waits, or None. `stop_requested` ends the loop before its next
+    exchange.
     """
 
     rig: Rig

@@ -32,7 +32,7 @@ _HEATER = {Mode.HOLDING: "holding", Mode.TRACKING: "tracking", Mode.COMPARING: "
 
 
 class Status:
-    """Collects events, the open fault, a lost connection and the last measurement.
+    """Collects events, the fault that is not cleared yet, a lost connection and the last measurement.
 
     `is_safe` becomes False when an attempt to switch the heater off fails, and True again when an attempt succeeds.
     `end` is None until the session ends. Then it is "off" if the devices have confirmed the safe state, otherwise
@@ -71,11 +71,11 @@ class Status:
         self.events.append((round(time_s, 2), event))
 
     def clear_fault(self) -> None:
-        """Forget the open fault."""
+        """Remove the fault, its type and its time."""
         self.fault = self.fault_type = self.fault_s = None
 
     def fail(self, time_s: float, error: BaseException) -> None:
-        """Store `error` with its notes as the open fault; `is_safe` is then False only after a failed shutdown."""
+        """Store `error` with its notes as the fault. `is_safe` becomes False if its shutdown failed, otherwise True."""
         outcome = shutdown_of(error)
         self.is_safe = outcome is None or outcome.confirmed
         text = error.what if isinstance(error, TripError) else str(error)  # the page has a button that clears the trip

@@ -18,16 +18,16 @@ MARGIN = 0.05
 """Free share of the span at either end."""
 
 SHRINKS = 1.6
-"""The axis shrinks when its span is more than this many times that of a new axis."""
+"""The axis shrinks when its span is more than this many times the span that the visible errors need."""
 
 STEPS = 10
-"""The ends of the axis are multiples of a round number: about the span divided by this."""
+"""The ends of the axis are multiples of a round number. This number is at least the span divided by `STEPS`."""
 
 Ends = tuple[float, float]
 
 
 def error_axis(errors: NDArray[np.float64], present: Ends) -> Ends:
-    """Return the ends of the axis for the visible errors, in percent. `present` are its present ends.
+    """Return the low and the high end of the axis for the visible errors, in percent. `present` are its present ends.
 
     Errors that are not finite are left out.
     """

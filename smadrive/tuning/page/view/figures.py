@@ -38,14 +38,14 @@ def plain_figure(name: str, label: str, tools: str = "", **ranges: object) -> fi
 
 
 def lines(plot: figure, source: ColumnDataSource, **traces: str) -> None:
-    """Draw a line for each column, in the given colour. The last line is on top, and is the thinnest.
+    """Draw a line over time for each trace. A trace is the name of a column of `source`, and its colour.
 
-    So a line below another one shows on both sides of it.
+    Later lines are thinner and on top of earlier lines, so that every line stays visible.
     """
     for column, colour, width in zip(traces, traces.values(), WIDTHS[-len(traces) :], strict=True):
         plot.line("time_s", column, source=source, color=colour, line_width=width)
 
 
 def limit(plot: figure, at: float) -> None:
-    """Draw a limit as a dashed line."""
+    """Draw a limit as a dashed horizontal line at the value `at`."""
     plot.add_layout(Span(location=at, dimension="width", line_color=LIMIT, line_dash="dashed", line_width=1.5))

@@ -47,7 +47,7 @@ class NumberTexts(DataModel):  # type: ignore[misc]  # bokeh has no type for it
 class LiveNumbers:
     """Shows the newest sample as long as it is new. `model` is the root that the document needs.
 
-    `numbers_of_row` returns the numbers of a row.
+    `numbers_of_row` returns the four numbers that the page shows for one row of samples.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class LiveNumbers:
 
 
 def measured_numbers(row: Rows) -> tuple[LiveNumber, ...]:
-    """Return temperature, displacement, current and voltage of the row; a value that is not measured is unknown."""
+    """Return temperature, displacement, current and voltage of the row. The state of a missing value is `unknown`."""
     return (
         _measured(row, "temperature_c", 1),
         _measured(row, "displacement_mm", 2),

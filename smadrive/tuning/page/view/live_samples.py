@@ -15,7 +15,7 @@ TIMING_FRAMES = 7
 
 
 class LiveSamples:
-    """Reads the samples from `channel`, and draws those that are new at every frame of one page.
+    """Reads the samples from `channel`, and draws the new ones at every frame of one page.
 
     `timing` is the text of the loop timing.
     """

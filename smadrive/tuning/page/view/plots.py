@@ -52,7 +52,7 @@ class Plots(TimePlots):
 
     @property
     def drawn(self) -> tuple[str, ...]:
-        """The columns of the data source."""
+        """The names of the columns of the data source."""
         return (*DRAWN, "error_percent")
 
     def show_model(self, model: IdentifiedModel, travel_mm: tuple[float, float]) -> None:
@@ -82,7 +82,7 @@ class Plots(TimePlots):
 
     @property
     def stroke_mm(self) -> float:
-        """The travel of the wire. `show_model` must have been called before."""
+        """The length of the wire's travel in mm. `show_model` must have been called before."""
         assert self._travel_mm is not None
         return abs(self._travel_mm[1] - self._travel_mm[0])
 
@@ -123,14 +123,17 @@ class Plots(TimePlots):
             self._rules.data = {"set": centres, "strength": strengths, "colour": [colour] * len(centres)}
 
     def show_turning_points(self, temperatures_c: Sequence[float]) -> None:
-        """Mark the turning points that the wire remembers, the oldest first. `show_model` must have been called."""
+        """Mark the turning points in the wire's memory. `temperatures_c` are their temperatures, the oldest first.
+
+        `show_model` must have been called before.
+        """
         assert self._model is not None
         if temperatures_c != self._turning_points.data["v"]:
             y = self._model.simulate(temperatures_c).tolist() if len(temperatures_c) else []
             self._turning_points.data = {"v": list(temperatures_c), "y": y}
 
     def _draw_loop(self, path: Rows) -> None:
-        """Continue the measured loop along `path`, which has the shape (rows, 2). Unknown points leave a gap."""
+        """Extend the drawn loop by `path` (rows, 2): temperature (°C) and displacement (mm). NaN is a gap."""
         reach = np.array([axis.end - axis.start for axis in (self._plane_c, self._plane_mm)])
         drawn = []
         for point in path:
@@ -168,7 +171,11 @@ class Plots(TimePlots):
 
 
 def _has_moved(before: Rows, now: Rows, far: Rows) -> bool:
-    """Return True if `now` is drawn: it is far from `before`, or is the first unknown point and so ends the line."""
+    """Return True if the point `now` must be drawn after the point `before`. A point is temperature and displacement.
+
+    A known point is drawn if one coordinate differs by at least that of `far`. Of unknown points (NaN), only the first
+    is drawn: it ends the line.
+    """
     if np.isnan(now).any():
         return not np.isnan(before).any()
     return not bool((np.abs(now - before) < far).all())

@@ -14,7 +14,7 @@ from smadrive.tuning.link.channel import PageEnd
 from smadrive.tuning.link.samples import COLUMNS, Rows
 
 FULL_ROWS = 1 << 16
-"""This number of the newest samples is never reduced: 54 minutes at 20 Hz, 10.9 minutes at 100 Hz."""
+"""At least this number of the newest samples is never reduced: 54 minutes at 20 Hz, 10.9 minutes at 100 Hz."""
 
 CAPACITY = 2 * FULL_ROWS
 
@@ -59,12 +59,15 @@ class SampleHistory:
         return float(oldest[_TIME]), float(self._rows[self._count - 1, _TIME])
 
     def window(self, from_s: float, to_s: float, most: int) -> Rows:
-        """Return at most `most` samples from `from_s` to `to_s`, including the sample before and the sample after."""
+        """Return the samples from `from_s` to `to_s`, and one more at either end.
+
+        If there are more than `most` samples, only some of them are returned (see `reduced`).
+        """
         parts = [_between(rows, from_s, to_s) for rows in (self._old, self._rows[: self._count])]
         return reduced(np.concatenate(parts), most)
 
     def _reduce_oldest(self) -> None:
-        """Move the oldest `FULL_ROWS` samples to the reduced samples, whose number is halved while it is too large."""
+        """Reduce the oldest `FULL_ROWS` samples that are still complete, and append them to the reduced samples."""
         oldest = reduced(self._rows[:FULL_ROWS], FULL_ROWS // self._factor)
         self._old = np.concatenate((self._old, oldest))
         while len(self._old) > FULL_ROWS:
@@ -80,7 +83,10 @@ def _between(rows: Rows, from_s: float, to_s: float) -> Rows:
 
 
 def reduced(rows: Rows, most: int) -> Rows:
-    """Return at most `most` of the rows: the extremes of short intervals, or all rows if they are few enough."""
+    """Return all rows if there are at most `most`, otherwise the rows with the extremes of short intervals.
+
+    `most` is the largest number of rows to return. The extremes are those of temperature, displacement and current.
+    """
     if len(rows) <= most:
         return rows
     intervals = max(most // (2 * len(EXTREMES_OF)), 1)
@@ -91,7 +97,10 @@ def reduced(rows: Rows, most: int) -> Rows:
 
 
 def _at_extreme(values: NDArray[np.float64], edges: NDArray[np.intp], sizes: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Return the index of the first largest value of each interval. Unknown values are never the largest."""
+    """Return for each interval the index of its first largest value. NaN is never the largest.
+
+    `edges` are the indices at which the intervals begin, `sizes` their lengths.
+    """
     values = np.where(np.isfinite(values), values, -np.inf)
     largest = np.repeat(np.maximum.reduceat(values, edges), sizes)
     indices = np.where(values == largest, np.arange(values.size), values.size)

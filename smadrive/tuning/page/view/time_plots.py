@@ -32,7 +32,7 @@ DRAWN = (
 SETPOINT, MEASURED, ESTIMATED = "#22303c", "#0b8f87", "#e8890c"
 
 COLUMN = {name: number for number, name in enumerate(COLUMNS)}
-"""The number of each column of a row."""
+"""The index of each column in a row, by the name of the column."""
 
 
 def following_axis(shortest: float) -> Range:
@@ -60,7 +60,7 @@ class TimePlots:
 
     @property
     def drawn(self) -> tuple[str, ...]:
-        """The columns of the data source."""
+        """The names of the columns of the data source."""
         return DRAWN
 
     def add(self, rows: Rows) -> None:

@@ -29,7 +29,7 @@ STEP = 0.5
 
 
 class TimeView:
-    """Moves the window of `plots` over `history`, and owns the buttons for this purpose."""
+    """Chooses the window of time in `history` that `plots` show, and has the buttons for this choice."""
 
     def __init__(self, plots: TimePlots, history: SampleHistory) -> None:
         self._plots = plots
@@ -67,7 +67,7 @@ class TimeView:
             self._draw(*self._window)  # samples of this window have arrived in the meantime
 
     def show(self, from_s: float, to_s: float) -> None:
-        """Stop following the run, and show a window."""
+        """Stop following the run, and show the samples from `from_s` to `to_s`."""
         self._window = from_s, max(to_s, from_s + SHORTEST_S)
         self._draw(*self._window)
         self.buttons["pause"].label = "Resume"

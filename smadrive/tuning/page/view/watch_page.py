@@ -16,7 +16,7 @@ from smadrive.tuning.page.view.time_plots import TimePlots, following_axis, show
 from smadrive.tuning.page.view.time_view import TimeView
 
 SHORTEST_MM, SHORTEST_K = 0.1, 5.0
-"""The shortest axes of displacement and temperature."""
+"""Shortest span of the displacement axis in mm, and of the temperature axis in K."""
 
 
 class WatchPage:

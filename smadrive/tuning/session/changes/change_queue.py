@@ -28,7 +28,7 @@ Answer = tuple[AnyRequest, str | None]
 
 
 class ChangeQueue:
-    """The jobs that wait, and the job that is being built. `path` returns a reference by its name."""
+    """The jobs that wait, and the job that is being built. `path` returns a reference (see jobs.Path)."""
 
     def __init__(
         self, tunings: Tunings, builder: ModelBuilder, path: Path, config: RigConfig, balance: HeatBalance
@@ -67,10 +67,10 @@ class ChangeQueue:
         self._answers.append((request, None))
 
     def adapt(self, adaptation: Adaptation) -> bool:
-        """Queue the adapted rules. Return False if another change or a comparison has priority.
+        """Queue the adapted rules and return True. Return False if another change or a comparison has priority.
 
-        After a fault of its sensor, the adaptation gives the rules from before the fault. These rules are put in force
-        even if the loop has ended in the meantime.
+        If the displacement sensor had a fault, the rules from before the fault are queued. They are put in force even
+        if the loop has ended in the meantime.
         """
         if self.is_busy or self._tunings.comparison.is_on:
             return False

@@ -1,4 +1,7 @@
-"""The comparison of two tunings: they alternate at every cycle of the running reference, and every cycle is scored."""
+"""The comparison of two tunings, which the user has stored in slot A and slot B.
+
+The two tunings drive the wire in turn, one cycle of the running reference each. The score of a cycle is its RMS error.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from smadrive.tuning.tuning import Tuning
 
 @dataclass
 class Score:
-    """The RMS errors of the cycles that one slot (A or B) has driven, each in percent of the stroke."""
+    """The score of the tuning in slot A or B: the RMS error of each cycle that it drove, in percent of the stroke."""
 
     cycles: list[float] = field(default_factory=list)
 
@@ -23,9 +26,9 @@ class Score:
 
 
 class Comparison:
-    """The slots A and B with their tunings and scores. `turn` is the slot that drives the present cycle, or None.
+    """The tunings in slots A and B, and their scores. `turn` is the slot whose tuning drives this cycle, or None.
 
-    The error is setpoint minus measured displacement. Without a sensor, the estimated displacement is used.
+    The tracking error is setpoint minus measured displacement. Without a sensor, the estimated displacement is used.
     """
 
     def __init__(self) -> None:
@@ -37,18 +40,18 @@ class Comparison:
         self._samples = 0
 
     def keep(self, slot: Slot, tuning: Tuning) -> None:
-        """Store a tuning in a slot, and clear the slot's score."""
+        """Store a tuning in slot A or B, and clear the score of this slot."""
         self.slots[slot] = tuning
         self.scores[slot] = Score()
 
     def slot(self, slot: Slot) -> Tuning:
-        """Return the tuning in a slot. ConfigError when the slot is empty."""
+        """Return the tuning in slot A or B. ConfigError when the slot is empty."""
         if slot not in self.slots:
             raise ConfigError(f"slot {slot} is empty", cure=f"press Keep {slot} first")
         return self.slots[slot]
 
     def start(self) -> None:
-        """Begin the comparison: slot A drives from the end of the running cycle on.
+        """Begin the comparison. At the end of the running cycle, the tuning in slot A begins to drive the wire.
 
         ConfigError when a slot is empty, or both slots hold the same tuning.
         """
@@ -64,19 +67,19 @@ class Comparison:
 
     @property
     def next_turn(self) -> Slot:
-        """The slot that drives the next cycle."""
+        """The slot, A or B, whose tuning drives the next cycle."""
         return "B" if self.turn == "A" else "A"
 
     def sample(self, error_mm: float, stroke_mm: float) -> None:
-        """Add the tracking error of one tick to the score of the cycle. A NaN is left out."""
+        """Add the tracking error of one tick to the score of the running cycle. An error of NaN is left out."""
         if isfinite(error_mm):
             self._squares += (100.0 * error_mm / stroke_mm) ** 2
             self._samples += 1
 
     def end_cycle(self, follows: Slot | None) -> str:
-        """Score the complete cycle for the slot that drove it. The slot `follows` drives the next cycle.
+        """Score the complete cycle for the slot that drove it. The tuning in slot `follows` drives the next cycle.
 
-        Return the text of the event that reports both.
+        Return the text of an event that reports score and next slot; it is empty if there is neither.
         """
         texts = [] if follows is None else [f"{follows} drives"]
         if self.turn is not None and self._samples:

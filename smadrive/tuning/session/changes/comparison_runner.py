@@ -1,4 +1,4 @@
-"""Runs a comparison: at the end of each cycle of the reference, the controller of the other slot takes over."""
+"""Runs a comparison: after each cycle of the reference, the tuning in the other slot (A or B) drives the wire."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from smadrive.wire.wire_model import travel_mm
 
 
 class ComparisonRunner:
-    """Lets the slots A and B of `tunings` drive in turn. `queue` accepts the jobs that build the controllers."""
+    """Lets the tunings in slots A and B drive the wire in turn. `queue` gets the jobs that build controllers."""
 
     def __init__(self, tunings: Tunings, queue: Callable[[Job], None]) -> None:
         self._tunings = tunings
@@ -36,14 +36,14 @@ class ComparisonRunner:
             raise
 
     def score(self, error_mm: float) -> None:
-        """Add the tracking error of one tick, in mm."""
+        """Add the tracking error of one tick, in mm, to the score of the running cycle."""
         cold_mm, hot_mm = travel_mm(self._tunings.in_force.model)
         self._comparison.sample(error_mm, hot_mm - cold_mm)
 
     def update(self, live: SwappableController) -> str:
-        """At the end of a cycle, score the cycle, and let the other slot drive if its controller is ready.
+        """After a complete cycle, score the cycle. Let the other slot's tuning drive if its controller is ready.
 
-        Return the event to report, which is empty during a cycle.
+        Return the text of the event to report; it is empty within a cycle, and if no comparison runs.
         """
         if not self._comparison.is_on:
             return ""

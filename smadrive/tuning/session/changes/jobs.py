@@ -64,7 +64,7 @@ class Job(ABC):
         """Return the part of the build request that the job sets. SmadriveError if the job is not possible now."""
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:
-        """Put the result in force."""
+        """Put the built tuning and its controller in force."""
         if self.is_undoable:
             tunings.push(built, live, now_s)
         else:
@@ -83,19 +83,19 @@ class ChangeJob(Job):
     change: Change | None = None
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
-        """Return the tuning in force with the change to make in it."""
+        """Return the tuning in force, the change to make in it, and the reference that the loop tracks."""
         return BuildTarget(tunings.in_force, self.change, _running(live))
 
 
 @dataclass(frozen=True)
 class RecallJob(Job):
-    """Put the tuning of a slot in force."""
+    """Put the tuning that is stored in slot A or B in force."""
 
     _: KW_ONLY
     tuning: Tuning
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """Return the tuning of the slot."""
+        """Return the tuning of the slot, and the reference that the loop tracks (None without a loop)."""
         return BuildTarget(self.tuning, None, _running(live))
 
 
@@ -122,7 +122,7 @@ class StepJob(Job):
 
 @dataclass(frozen=True)
 class PutJob(RecallJob):
-    """Use the tuning again that was used before the A/B comparison. Undo and redo do not see this change."""
+    """Use the tuning again that was used before the A/B comparison. Undo and redo ignore this change."""
 
     is_undoable = False
 
@@ -145,7 +145,7 @@ class FollowJob(Job):
 
 @dataclass(frozen=True)
 class TurnJob(Job):
-    """Build the controller of the slot that drives next in a comparison, and pass it to `ready`."""
+    """Build the controller of the tuning that drives next in a comparison. Call `ready` with the result."""
 
     _: KW_ONLY
     tuning: Tuning
@@ -153,11 +153,11 @@ class TurnJob(Job):
     ready: Callable[[Built], None]
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """Return what to build: the tuning of the comparison's next slot, and the present reference."""
+        """Return the tuning that drives next in the comparison, and the present reference."""
         return BuildTarget(self.tuning, None, self.reference)
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
-        """Pass the controller to `ready`. The comparison puts it in force later."""
+        """Call `ready` with the built tuning and controller. The comparison puts them in force later."""
         self.ready(built)
 
 
