@@ -85,7 +85,10 @@ class Tuning:
         if not certificate.holds:
             shortcomings = ", ".join(certificate.shortcomings)
             raise CertificateError(
-                "a model without a certificate may not drive a wire", where="changed model", value=shortcomings
+                "a model without a certificate may not drive a wire",
+                where="changed model",
+                value=shortcomings,
+                cure="undo the change, or choose another value",
             )
         for name in ("mu_heating", "mu_cooling"):
             value = getattr(self.shape, name)

@@ -42,7 +42,7 @@ BUSY = (
 )
 
 
-class Places:
+class LimitedActions:
     """Counts the actions that run now. The caller begins no action while `are_taken` is True."""
 
     def __init__(self, limit: int) -> None:
@@ -70,8 +70,8 @@ class Relay:
     def __init__(self, path: str, channel: PageEnd) -> None:
         self._path = path
         self._channel = channel
-        self.builds = Places(MAX_BUILDS)
-        self.sockets = Places(MAX_PAGES)
+        self.builds = LimitedActions(MAX_BUILDS)
+        self.sockets = LimitedActions(MAX_PAGES)
 
     @property
     def is_busy(self) -> bool:

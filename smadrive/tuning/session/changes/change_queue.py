@@ -15,7 +15,7 @@ from smadrive.rig.config import RigConfig
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult, ModelBuilder
 from smadrive.tuning.link.requests import AnyRequest, Compare, Keep
 from smadrive.tuning.session.changes.comparison_runner import ComparisonRunner
-from smadrive.tuning.session.changes.jobs import ChangeJob, Job, Path, job_of
+from smadrive.tuning.session.changes.jobs import ChangeJob, Job, ReferenceLookup, job_of
 from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.tuning import Adapted
@@ -28,10 +28,10 @@ Answer = tuple[AnyRequest, str | None]
 
 
 class ChangeQueue:
-    """The jobs that wait, and the job that is being built. `path` returns a reference (see jobs.Path)."""
+    """The jobs that wait, and the job that is being built. `path` returns a reference (see jobs.ReferenceLookup)."""
 
     def __init__(
-        self, tunings: Tunings, builder: ModelBuilder, path: Path, config: RigConfig, balance: HeatBalance
+        self, tunings: Tunings, builder: ModelBuilder, path: ReferenceLookup, config: RigConfig, balance: HeatBalance
     ) -> None:
         self._tunings = tunings
         self._builder = builder

@@ -27,7 +27,7 @@ from smadrive.tuning.session.changes.swappable_controller import SwappableContro
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.tuning import Change, Tuning
 
-Path = Callable[[str | None, Tuning, float], Reference]
+ReferenceLookup = Callable[[str | None, Tuning, float], Reference]
 """A function of the name of a reference, a tuning and the present setpoint in mm. It returns the reference to track.
 
 Without a name (None), the reference stays at the present setpoint.
@@ -133,7 +133,7 @@ class FollowJob(Job):
 
     is_undoable = False
     _: KW_ONLY
-    path: Path
+    path: ReferenceLookup
     name: str | None
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
@@ -161,7 +161,7 @@ class TurnJob(Job):
         self.ready(built)
 
 
-def job_of(request: AnyRequest, tunings: Tunings, path: Path) -> Job:
+def job_of(request: AnyRequest, tunings: Tunings, path: ReferenceLookup) -> Job:
     """Return the job that a request needs. ConfigError when a slot is empty, or when the request needs no job."""
     match request:
         case SetShape() | SetFeedback() | SetRule() | SetModel():
