@@ -25,11 +25,11 @@ from smadrive.control.references.shapes import sine
 from smadrive.identification.wire import WireFit, identify_wire
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
-from smadrive.runs.experiments import APPROACH_S
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_log import TickRecorder, record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record
 from smadrive.runs.run_metrics import TrackingMetrics, tracking_metrics
+from smadrive.runs.tracking_plan import APPROACH_S
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.wire.wire_model import travel_mm
 

@@ -24,9 +24,10 @@ from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.continuation import continuation_of
 from smadrive.runs.cycling.cycles import CYCLE_HEADER, Cycling, cycle_rows, cycles_of, cycling_of, thinned
-from smadrive.runs.experiments import RETURN_S, check_reach, plan_tracking, read_reference, track
+from smadrive.runs.experiments import read_reference, track
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop_metrics
+from smadrive.runs.tracking_plan import RETURN_S, check_reach, plan_tracking
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 
 HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")

@@ -20,6 +20,7 @@ from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
+from smadrive.wire.recorded_loops import Sections, sections_of
 from smadrive.wire.wire_model import WireModel, WireState
 
 Array = NDArray[np.float64]
@@ -49,6 +50,9 @@ SLOW_S = 7200.0
 SLOWEST_PER_S = 1.0 / 14_400.0
 """A long reference that moves by less than a stroke in four hours, on average, probably has its times in ms."""
 
+STEADY_C = 1.0
+"""A reversal of the temperature path below twice this value, K, is no section of its own."""
+
 VISIBLE = 6.0
 """A movement of less than this many standard deviations of the displacement sensor is lost in the sensor's noise."""
 
@@ -77,10 +81,10 @@ class Feasibility:
     `nearest` is the reference that the wire can follow: the reference itself if this is feasible. The largest error is
     `shortfall_mm`, at the time `at_s`, and `limit` names the cause of this error. While the wire fell behind, the
     mean rates of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest
-    temperature of the run. `stroke_mm` is the travel of the wire. `at_s` lies `in_approach` if the wire falls behind
-    before the reference itself begins. After its approach the reference lasts `scored_s` seconds, has the span
-    `span_mm` and the mean speed `speed_mm_per_s`. `hot_start_mm` is its first displacement if this lies at the hot end
-    of the span, otherwise None.
+    temperature of the run, and `sections_c` are the sections of its temperature path. `stroke_mm` is the travel of the
+    wire. `at_s` lies `in_approach` if the wire falls behind before the reference itself begins. After its approach the
+    reference lasts `scored_s` seconds, has the span `span_mm` and the mean speed `speed_mm_per_s`. `hot_start_mm` is
+    its first displacement if this lies at the hot end of the span, otherwise None.
     """
 
     feasible: bool
@@ -97,6 +101,7 @@ class Feasibility:
     span_mm: float
     speed_mm_per_s: float
     hot_start_mm: float | None
+    sections_c: Sections
 
     @property
     def caveats(self) -> tuple[str, ...]:
@@ -225,6 +230,7 @@ def _judge(reference: Reference, ticks: Array, travel_mm: float) -> Feasibility:
         float(np.ptp(scored_mm)),
         float(np.abs(np.diff(scored_mm)).sum()) / scored_s if scored_s else 0.0,
         float(scored_mm[0]) if _begins_hot(scored_mm, travel_mm) else None,
+        sections_of(temperature_c, STEADY_C),
     )
 
 

@@ -20,6 +20,7 @@ from smadrive.identification.quality.fit import Fit
 from smadrive.identification.thermal import ThermalFit, identify_thermal
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.recorded_loops import recorded_sections
 
 Kind = Literal["tsfuzzy", "duhem"]
 
@@ -61,7 +62,8 @@ class WireFit:
     def wire(self) -> IdentifiedWire:
         """The identified wire: hysteresis model, heat balance, caveats and metrics."""
         fit = self.hysteresis
-        return IdentifiedWire(fit.model, self.thermal.balance, fit.caveats, fit.metrics)
+        sections_c = recorded_sections(fit.path)
+        return IdentifiedWire(fit.model, self.thermal.balance, fit.caveats, fit.metrics, sections_c=sections_c)
 
 
 def identify_hysteresis(v: ArrayLike, y: ArrayLike, settings: FitSettings) -> AnyFit:

@@ -6,29 +6,24 @@ Each experiment is checked before the wire is heated, and recorded in a log. `Wa
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
-from math import isfinite
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.controllers.temperature import Command, Controller
-from smadrive.control.feasibility import Feasibility, simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.loop import LoopMetrics, StopRequested, Tick
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
-from smadrive.errors import ConfigError, ProtocolError, TransportError
+from smadrive.errors import ProtocolError, TransportError
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import TABLE
-from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, check_may_excite
-from smadrive.measurement import Measurement
 from smadrive.rig.config_checks import check_step
-from smadrive.rig.controllers import step_controller, tracking_settings
+from smadrive.rig.controllers import step_controller
 from smadrive.rig.rig import Record, Rig
-from smadrive.runs.cycling.cycles import CycleEvents, Cycling
+from smadrive.runs.cycling.cycles import CycleEvents
 from smadrive.runs.run_log import (
     TickRecorder,
     record_controller,
@@ -37,38 +32,15 @@ from smadrive.runs.run_log import (
     record_tracking,
     reference_text,
 )
-from smadrive.safety.supervisor import check_thermocouple
+from smadrive.runs.tracking_plan import PlannedTracking
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.wire_model import WireModel, WireState, travel_mm
-
-APPROACH_S = 10.0
-"""Duration of the approach, in which the wire moves to the beginning of the reference. The approach is not scored."""
+from smadrive.wire.wire_model import travel_mm
 
 LOST_S = 5.0
 """An observation without a measurement for this time ends with the error of the last exchange."""
 
-RETURN_S = 10.0
-"""Duration of the way back between two cycles of a reference that does not end where it begins."""
-
-NOT_ADAPTED = "adapt = true under [feedback] has an effect only in `smadrive tune`: this run does not change the rules"
-
 Watch = Callable[[TickRecorder, float], AbstractContextManager[Record]]
 """Takes the open log and the duration of the run. Yields the function that records, and may show, each tick."""
-
-
-@dataclass(frozen=True)
-class PlannedTracking:
-    """A tracking run that was simulated on the model of its wire.
-
-    `given` is the reference with its approach. `nearest` is the reference that the run tracks; it equals `given` if the
-    wire can follow `given`. `caveats` are reasons to distrust the run, one sentence each.
-    """
-
-    given: Reference
-    nearest: Reference
-    wire: WireModel
-    caveats: tuple[str, ...]
-    cycling: Cycling | None = None
 
 
 def plan_excitation(rig: Rig) -> Excitation:
@@ -126,57 +98,6 @@ def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetric
         return rig.drive(controller, rig.nominal_balance, record)
 
 
-def check_reach(given: Reference, identified: IdentifiedWire) -> None:
-    """Raise ConfigError when the reference leaves the reach of the wire; doubts about the model are its notes."""
-    with _doubts_noted(identified):
-        given.check_within(travel_mm(identified.model))
-
-
-@contextmanager
-def _doubts_noted(identified: IdentifiedWire) -> Iterator[None]:
-    """Add the caveats of the wire to a ConfigError in the `with` block: often the model is wrong, not the reference."""
-    try:
-        yield
-    except ConfigError as error:
-        for caveat in _caveats_of(identified):
-            error.add_note(f"the model has a caveat: {caveat}")
-        raise
-
-
-def _caveats_of(identified: IdentifiedWire) -> list[str]:
-    source = Path(identified.source).name
-    return [f"{source}: {caveat}" if source else caveat for caveat in identified.caveats]
-
-
-def plan_tracking(
-    rig: Rig,
-    given: Reference,
-    identified: IdentifiedWire,
-    *,
-    smooth: bool,
-    smooth_option: str,
-    cycling: Cycling | None = None,
-) -> PlannedTracking:
-    """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
-
-    With `cycling` the reference is repeated. If the wire cannot follow `given`: with `smooth` the run tracks the
-    nearest reference; without `smooth`, ConfigError names `smooth_option`, the option of the user that sets `smooth`.
-    """
-    wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance)
-    limit_c = rig.config.limits.temperature_max_c
-    with _doubts_noted(identified):
-        start, given = _start(rig, given, wire)
-        simulated = _simulated(rig, given, wire, start)
-        simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option)
-        nearest = simulated.nearest
-        if cycling is not None:
-            given, nearest = (one.repeated(cycling.remaining, RETURN_S) for one in (given, nearest))
-            _simulated(rig, nearest, wire, start).check(limit_c, smooth=smooth, smooth_option=smooth_option)
-    not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
-    caveats = *simulated.caveats, *_caveats_of(identified), *not_adapted
-    return PlannedTracking(given, nearest, wire, caveats, cycling)
-
-
 def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> LoopMetrics:
     """Run `plan` and record it in `log_file`. TripError after a trip."""
     model, balance = plan.wire.model, plan.wire.balance
@@ -221,27 +142,3 @@ def read_reference(text: str) -> Reference:
         table = read_table(path)
         return Reference.from_samples(table.column("time_s"), table.column("displacement_mm"))
     return parse_reference(text)
-
-
-def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
-    """Return the measured displacement.
-
-    Without a sensor, return the displacement of the model for a wire that was heated from cold.
-    """
-    if isfinite(measured.displacement_mm):
-        return measured.displacement_mm
-    return model.initial_state(measured.temperature_c).y
-
-
-def _start(rig: Rig, given: Reference, wire: WireModel) -> tuple[WireState, Reference]:
-    """Return the present state of the wire, and `given` with the approach from there."""
-    measured = rig.measure()
-    check_thermocouple(measured)
-    start_mm = start_displacement_mm(wire.model, measured)
-    rig.check_balance(wire.balance)
-    start = WireState(measured.temperature_c, wire.model.initial_state(measured.temperature_c, start_mm))
-    return start, given.with_approach(start_mm, APPROACH_S)
-
-
-def _simulated(rig: Rig, reference: Reference, wire: WireModel, start: WireState) -> Feasibility:
-    return simulate_run(reference, wire, HysteresisInverse(wire.model), tracking_settings(rig.config), start)

@@ -19,6 +19,7 @@ from smadrive.identification.wire import AnyFit, FitSettings, identify_hysteresi
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metadata import excitation_caveats, excitation_record, nominal_balance
 from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.recorded_loops import recorded_sections
 
 INPUT, OUTPUT = "temperature_c", "displacement_mm"
 """The columns of a table from which a model is fitted, unless other columns are chosen."""
@@ -39,7 +40,8 @@ class RecordFit:
     def wire(self, source: str) -> IdentifiedWire:
         """Return the identified wire; `source` names the record."""
         balance = None if self.thermal is None else self.thermal.balance
-        return IdentifiedWire(self.fit.model, balance, self.caveats, self.fit.metrics, source)
+        sections_c = recorded_sections(self.fit.path)
+        return IdentifiedWire(self.fit.model, balance, self.caveats, self.fit.metrics, source, sections_c)
 
 
 def fit_file(path: Path, columns: tuple[str, str], settings: FitSettings) -> RecordFit:

@@ -23,8 +23,8 @@ from smadrive.identification.excitation import Excitation
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.runs.columns import COLUMNS, row_getter
+from smadrive.runs.log.recorder import Recorder
 from smadrive.runs.log.writer import GROWTH_ROWS
-from smadrive.runs.recorder import Recorder
 from smadrive.runs.session_record import KIND
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import fields
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -16,7 +17,8 @@ from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number, whole_number
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.runs.cycling.cycles import Cycling
-from smadrive.runs.experiments import RETURN_S, read_reference
+from smadrive.runs.experiments import read_reference
+from smadrive.runs.tracking_plan import RETURN_S
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 
 PathText = str | os.PathLike[str]
@@ -42,7 +44,7 @@ def rig_of(rig: RigConfig | PathText) -> RigConfig:
 def wire_of_argument(wire: WireLike) -> IdentifiedWire:
     """Return the identified wire, or load it from a file; raises the errors of `load_wire`."""
     if isinstance(wire, IdentifiedWire):
-        return IdentifiedWire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source)
+        return IdentifiedWire(**{field.name: getattr(wire, field.name) for field in fields(IdentifiedWire)})
     return load_wire(path_text(wire, "wire", "the result of smadrive.identify or load_wire, or the path of its file"))
 
 

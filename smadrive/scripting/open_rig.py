@@ -15,8 +15,8 @@ from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
 from smadrive.rig.config import RigConfig
-from smadrive.runs.experiments import check_reach
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.tracking_plan import check_reach
 from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
 from smadrive.scripting.arguments import (
     PathText,

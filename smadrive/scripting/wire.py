@@ -90,7 +90,7 @@ def identify(
     record, source = _fitted(data, displacement_mm, (input, output), settings)
     wire = record.wire(source)
     axes = ("wire temperature / °C", "displacement / mm") if record.thermal is not None else record.axes
-    return Wire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source, record.fit, axes)
+    return Wire(**vars(wire), fit=record.fit, axes=axes)
 
 
 def load_wire(path: str | os.PathLike[str]) -> Wire:
@@ -101,7 +101,7 @@ def load_wire(path: str | os.PathLike[str]) -> Wire:
     wire = smadrive.load_wire("wire.json")
     """
     wire = load_wire_file(path_text(path, "path", "the path of a model file"))
-    return Wire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source)
+    return Wire(**vars(wire))
 
 
 def _check_options(kind: object, sets: object, memory: object, columns: tuple[object, object]) -> None:

@@ -21,7 +21,10 @@ from smadrive.hysteresis import IdentifiedModel, save_model
 from smadrive.hysteresis.model import loop_plot
 from smadrive.hysteresis.model_file import model_text, parse_model, read_model
 from smadrive.wire.heat_balance import PARAMETERS, BalanceSource, HeatBalance
+from smadrive.wire.recorded_loops import Sections
 from smadrive.wire.wire_model import WireModel, travel_mm
+
+_SECTION_KEYS = ("turning_points_c", "ends_c")
 
 
 @dataclass(frozen=True, repr=False)
@@ -33,6 +36,7 @@ class IdentifiedWire:
     caveats        reasons to distrust the model, one sentence each
     metrics        how well the model fits its record (rms_percent, max_percent)
     source         the record from which it was identified
+    sections_c     sections of the record, as (turning point, end) in °C; empty if they are unknown
     """
 
     model: IdentifiedModel
@@ -40,6 +44,7 @@ class IdentifiedWire:
     caveats: tuple[str, ...] = ()
     metrics: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
+    sections_c: Sections = ()
 
     def facts(self) -> list[tuple[str, str]]:
         """Return the main properties of the wire for display, as pairs of a name and a text with its unit."""
@@ -85,6 +90,8 @@ class IdentifiedWire:
         }
         if self.heat_balance is not None:
             provenance["heat_balance"] = asdict(self.heat_balance)
+        if self.sections_c:
+            provenance["sections"] = dict(zip(_SECTION_KEYS, zip(*self.sections_c, strict=True), strict=True))
         save_model(self.model, path, provenance=provenance)
 
     def text(self) -> str:
@@ -112,7 +119,8 @@ def parse_wire(text: str, place: str) -> IdentifiedWire:
     model, provenance = parse_model(text, place=place), _provenance(text, place)
     if provenance is None:
         return IdentifiedWire(model, source=place)
-    return IdentifiedWire(model, _heat_balance(provenance, place), _caveats(provenance), source=place)
+    balance, caveats, sections_c = _heat_balance(provenance, place), _caveats(provenance), _sections(provenance)
+    return IdentifiedWire(model, balance, caveats, source=place, sections_c=sections_c)
 
 
 def _balance_provenance(balance: HeatBalance | None) -> dict[str, Any]:
@@ -126,6 +134,17 @@ def _provenance(text: str, place: str) -> Fields | None:
 
 def _caveats(provenance: Fields) -> tuple[str, ...]:
     return provenance.texts("caveats") if "caveats" in provenance.document else ()
+
+
+def _sections(provenance: Fields) -> Sections:
+    """Return the sections of the record; none in a file of an older version."""
+    if "sections" not in provenance.document:
+        return ()
+    sections = provenance.inner("sections")
+    turns, ends = (sections.numbers(key) for key in _SECTION_KEYS)
+    if len(turns) != len(ends):
+        raise ModelError("one number per turning point is needed", where=f"{sections.place}: {_SECTION_KEYS[1]}")
+    return tuple(zip(turns, ends, strict=True))
 
 
 def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:

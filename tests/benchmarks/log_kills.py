@@ -24,7 +24,7 @@ ROWS_PER_S = 20
 WRITER = """
 import os, sys
 from pathlib import Path
-from smadrive.runs.recorder import Recorder
+from smadrive.runs.log.recorder import Recorder
 
 columns = ["time_s", *(f"value{n}_c" for n in range(15))]
 with Recorder(Path(sys.argv[1]), columns, {"rig": "bench"}, rows=int(sys.argv[2])) as recorder:

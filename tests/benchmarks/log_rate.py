@@ -14,7 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from smadrive.runs.recorder import Recorder
+from smadrive.runs.log.recorder import Recorder
 
 COLUMNS = ("time_s", *(f"value{n}_c" for n in range(15)))
 ROWS_PER_S = 20

@@ -18,7 +18,8 @@ from smadrive.control.loop import LoopMetrics
 from smadrive.errors import ControllerError, StoppedError
 from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.rig import Rig
-from smadrive.runs.experiments import drive, excite, heat, plan_excitation, plan_tracking, track
+from smadrive.runs.experiments import drive, excite, heat, plan_excitation, track
+from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.scripting.loop.messages import (
     AnyScriptRequest,
     ClearFaultsRequest,

@@ -23,9 +23,10 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.continuation import continuation_of
 from smadrive.runs.cycling.cycles import Cycling, cycles_of, cycling_of, metrics_of, thinned
-from smadrive.runs.experiments import plan_tracking, track
+from smadrive.runs.experiments import track
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.replay import replay
+from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.wire.identified_wire import IdentifiedWire
 
 RIG = load_rig("in-process")

@@ -21,7 +21,7 @@ from smadrive.control.loop import Tick
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.measurement import Measurement
 from smadrive.runs.log.reader import read_log
-from smadrive.runs.recorder import Recorder
+from smadrive.runs.log.recorder import Recorder
 from smadrive.testing.simulator import ServedSimulator
 
 CONFIGS = Path(__file__).parents[3] / "configs"

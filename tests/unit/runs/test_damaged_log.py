@@ -11,7 +11,7 @@ from benchmarks.oldlog import without_checksums
 from smadrive.errors import DataError
 from smadrive.runs.log.layout import MOST_OPEN_ROWS
 from smadrive.runs.log.reader import read_log
-from smadrive.runs.recorder import Recorder
+from smadrive.runs.log.recorder import Recorder
 
 COLUMNS = ("time_s", "temperature_c", "displacement_mm")
 METADATA = {"rig": '{"name": "bench"}', "kind": "excitation", "note": "température 20 °C"}

@@ -9,7 +9,7 @@ import pytest
 from smadrive.errors import DataError
 from smadrive.runs.log.errors import ForeignContentError
 from smadrive.runs.log.reader import read_log
-from smadrive.runs.recorder import Recorder
+from smadrive.runs.log.recorder import Recorder
 
 COLUMNS = ("time_s", "temperature_c")
 SECRET = 4321.0

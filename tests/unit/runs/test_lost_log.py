@@ -6,8 +6,8 @@ import shutil
 import pytest
 
 from smadrive.errors import DataError
+from smadrive.runs.log.recorder import Recorder
 from smadrive.runs.log.writer import GROWTH_ROWS
-from smadrive.runs.recorder import Recorder
 
 COLUMNS = ("time_s", "temperature_c")
 ROWS_PER_S = 20

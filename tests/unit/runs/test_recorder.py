@@ -12,8 +12,8 @@ import xarray
 from smadrive.errors import DataError
 from smadrive.runs.log.layout import EVENT_ROWS
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.log.recorder import Recorder
 from smadrive.runs.log.writer import GROWTH_ROWS
-from smadrive.runs.recorder import Recorder
 
 COLUMNS = ("time_s", "temperature_c", "current_a", "displacement_mm")
 ROWS_PER_S = 20
@@ -156,7 +156,7 @@ CHILD = """
 import os, resource, signal, sys
 from pathlib import Path
 from smadrive.errors import DataError
-from smadrive.runs.recorder import Recorder
+from smadrive.runs.log.recorder import Recorder
 
 path, count, expected, limit = Path(sys.argv[1]), *map(int, sys.argv[2:])
 if limit:

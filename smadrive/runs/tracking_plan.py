@@ -1,0 +1,136 @@
+"""The plan of a tracking run: its reference is simulated on the model of the wire, and doubts are collected.
+
+Nothing is heated. The caller shows the caveats of the plan before the run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+from smadrive.control.feasibility import Feasibility, simulate_run
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.reference import Reference
+from smadrive.errors import ConfigError
+from smadrive.hysteresis import HysteresisModel, TSFuzzyPreisach
+from smadrive.measurement import Measurement
+from smadrive.rig.controllers import tracking_settings
+from smadrive.rig.rig import Rig
+from smadrive.runs.cycling.cycles import Cycling
+from smadrive.safety.supervisor import check_thermocouple
+from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.recorded_loops import outside
+from smadrive.wire.wire_model import WireModel, WireState, travel_mm
+
+APPROACH_S = 10.0
+"""Duration of the approach, in which the wire moves to the beginning of the reference. The approach is not scored."""
+
+RETURN_S = 10.0
+"""Duration of the way back between two cycles of a reference that does not end where it begins."""
+
+NOT_ADAPTED = "adapt = true under [feedback] has an effect only in `smadrive tune`: this run does not change the rules"
+
+
+@dataclass(frozen=True)
+class PlannedTracking:
+    """A tracking run that was simulated on the model of its wire.
+
+    `given` is the reference with its approach. `nearest` is the reference that the run tracks; it equals `given` if the
+    wire can follow `given`. `caveats` are reasons to distrust the run, one sentence each.
+    """
+
+    given: Reference
+    nearest: Reference
+    wire: WireModel
+    caveats: tuple[str, ...]
+    cycling: Cycling | None = None
+
+
+def check_reach(given: Reference, identified: IdentifiedWire) -> None:
+    """Raise ConfigError when the reference leaves the reach of the wire; doubts about the model are its notes."""
+    with _doubts_noted(identified):
+        given.check_within(travel_mm(identified.model))
+
+
+@contextmanager
+def _doubts_noted(identified: IdentifiedWire) -> Iterator[None]:
+    """Add the caveats of the wire to a ConfigError in the `with` block: often the model is wrong, not the reference."""
+    try:
+        yield
+    except ConfigError as error:
+        for caveat in _caveats_of(identified):
+            error.add_note(f"the model has a caveat: {caveat}")
+        raise
+
+
+def _caveats_of(identified: IdentifiedWire) -> list[str]:
+    source = Path(identified.source).name
+    return [f"{source}: {caveat}" if source else caveat for caveat in identified.caveats]
+
+
+def _far_from_record(identified: IdentifiedWire, simulated: Feasibility) -> tuple[str, ...]:
+    """Return a caveat if a model with memory is used far from the loops of its record, otherwise nothing."""
+    if not isinstance(identified.model, TSFuzzyPreisach):
+        return ()
+    run, far = simulated.sections_c, outside(simulated.sections_c, identified.sections_c)
+    if not far:
+        return ()
+    (turn_c, end_c), count = far[0], f"{len(far)} of {len(run)} ways of the temperature"
+    where = f"are far from the recorded loops, the first from {turn_c:.0f} to {end_c:.0f} °C"
+    return (f'{count} {where}: record more loops, by plan = "forc" in [excitation]',)
+
+
+def plan_tracking(
+    rig: Rig,
+    given: Reference,
+    identified: IdentifiedWire,
+    *,
+    smooth: bool,
+    smooth_option: str,
+    cycling: Cycling | None = None,
+) -> PlannedTracking:
+    """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
+
+    With `cycling` the reference is repeated. If the wire cannot follow `given`: with `smooth` the run tracks the
+    nearest reference; without `smooth`, ConfigError names `smooth_option`, the option of the user that sets `smooth`.
+    """
+    wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance)
+    limit_c = rig.config.limits.temperature_max_c
+    with _doubts_noted(identified):
+        start, given = _start(rig, given, wire)
+        simulated = _simulated(rig, given, wire, start)
+        simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option)
+        nearest = simulated.nearest
+        if cycling is not None:
+            given, nearest = (one.repeated(cycling.remaining, RETURN_S) for one in (given, nearest))
+            _simulated(rig, nearest, wire, start).check(limit_c, smooth=smooth, smooth_option=smooth_option)
+    not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
+    caveats = *simulated.caveats, *_caveats_of(identified), *_far_from_record(identified, simulated), *not_adapted
+    return PlannedTracking(given, nearest, wire, caveats, cycling)
+
+
+def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
+    """Return the measured displacement.
+
+    Without a sensor, return the displacement of the model for a wire that was heated from cold.
+    """
+    if isfinite(measured.displacement_mm):
+        return measured.displacement_mm
+    return model.initial_state(measured.temperature_c).y
+
+
+def _start(rig: Rig, given: Reference, wire: WireModel) -> tuple[WireState, Reference]:
+    """Return the present state of the wire, and `given` with the approach from there."""
+    measured = rig.measure()
+    check_thermocouple(measured)
+    start_mm = start_displacement_mm(wire.model, measured)
+    rig.check_balance(wire.balance)
+    start = WireState(measured.temperature_c, wire.model.initial_state(measured.temperature_c, start_mm))
+    return start, given.with_approach(start_mm, APPROACH_S)
+
+
+def _simulated(rig: Rig, reference: Reference, wire: WireModel, start: WireState) -> Feasibility:
+    return simulate_run(reference, wire, HysteresisInverse(wire.model), tracking_settings(rig.config), start)
