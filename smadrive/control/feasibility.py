@@ -114,10 +114,8 @@ class Feasibility:
             slow = f"the reference lasts {self.scored_s / 3600.0:.1f} h and moves by {3600.0 * self.speed_mm_per_s:.2g}"
             caveats.append(f"{slow} mm per hour on average; are its times in seconds?")
         if self.hot_start_mm is not None:
-            start = (
-                f"the reference begins at its hot end, {self.hot_start_mm:.3g} mm, so the wire is heated there first"
-            )
-            caveats.append(f"{start}; are low_mm and high_mm swapped?")
+            start = f"the reference begins at its hot end, {self.hot_start_mm:.3g} mm"
+            caveats.append(f"{start}, so the wire is heated there first; are low_mm and high_mm swapped?")
         if not self.feasible:
             caveats.append(f"the reference was smoothed, and all errors refer to the smoothed reference: {self}")
         return tuple(caveats)
@@ -160,6 +158,8 @@ class Feasibility:
 
     def _first_cure(self) -> str:
         """Return the beginning of the cure for a reference that is not feasible; "" for a jump."""
+        if self.at_s == 0.0:
+            return "check that the model belongs to this wire, and that its displacements are in mm, or "
         if self.in_approach and self.limit == "cooling":
             return "let the wire cool first, because it is still hot (in Python: rig.cool_down(60)), or "
         return "" if self.slower > JUMP else f"slow the reference down about {self.slower:.1f} times, or "

@@ -144,6 +144,7 @@ def test_measurement_belongs_to_the_previous_command(bench):
         assert (after.in_force_a, after.current_a) == pytest.approx((0.1, 0.1), abs=0.002)
 
 
+@pytest.mark.exhaustive
 def test_wire_on_a_supply_is_identified_and_tracked_from_cold(tmp_path):
     path, run = tmp_path / "excitation.h5", tmp_path / "run.h5"
     bench_supply = load_rig("bench-supply").at("sim://flexinol-lt-0.15mm")

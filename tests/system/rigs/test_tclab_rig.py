@@ -40,6 +40,7 @@ def rig_of(*devices):
     return RigConfig.model_validate(load_rig("tclab").model_dump(exclude_none=True) | {"devices": devices})
 
 
+@pytest.mark.exhaustive
 def test_wire_on_a_tclab_is_excited_identified_and_tracked(tmp_path):
     excited, tracked = tmp_path / "excited.h5", tmp_path / "tracked.h5"
     with Rig(rig_of(BOARD, LASER)) as rig:

@@ -1,5 +1,6 @@
 """Online adaptation of a model with memory: rules and plane follow a wire that drifts, and stay certified."""
 
+from functools import cache
 from math import exp
 
 import numpy as np
@@ -20,6 +21,7 @@ TIMES_S = np.arange(0.0, 1200.0, 0.25)
 UP, DOWN = np.linspace(72.0, 108.0, 25), np.linspace(50.0, 88.0, 24)
 
 
+@cache
 def plane():
     middles = (UP[1:] + UP[:-1]) / 2, (DOWN[1:] + DOWN[:-1]) / 2
     heating, cooling = ((middle - mu) / 5.0 for middle, mu in zip(middles, (89.9, 69.0), strict=True))
@@ -27,6 +29,7 @@ def plane():
     return PreisachPlane(UP, DOWN, mass / mass.sum())
 
 
+@cache
 def model(share):
     duhem = DuhemModel.gaussian(
         mu_heating=89.9, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=STROKE_MM, input_range=RANGE

@@ -53,6 +53,7 @@ def halves(request):
     return request.param, hold_out(*columns(request.param), identify_tsfuzzy)
 
 
+@pytest.mark.exhaustive
 def test_validation_error_is_near_the_training_error(halves, request):
     name, both = halves
     if name in CLIFFS:  # what lies between two samples there, neighbours do not tell
@@ -60,6 +61,7 @@ def test_validation_error_is_near_the_training_error(halves, request):
     assert max(half.ratio for half in both) <= 1.2
 
 
+@pytest.mark.exhaustive
 def test_validation_error_is_that_of_training_or_below_that_of_neighbours(halves):
     _, both = halves
     assert all(half.ratio <= 1.2 or half.validation_percent < half.neighbours_percent for half in both)

@@ -73,6 +73,7 @@ def test_an_impossible_number_of_sets_is_refused(rng, memory):
         identify_memory(v, DUHEM.simulate(v), memory=memory)
 
 
+@pytest.mark.exhaustive
 def test_a_one_sided_record_is_explained_by_the_plane_unless_rules_are_much_better(rng):
     """Rules and relays with nearly independent thresholds predict nearly the same falling curves."""
     v = reversal_curves(samples=1500)
