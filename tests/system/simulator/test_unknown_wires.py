@@ -41,7 +41,9 @@ class SimulatedRig:
 
 
 @pytest.fixture(
-    scope="module", params=[("duhem", 11), exhaustive(("two-component", 12)), ("preisach", 13)], ids=lambda p: p[0]
+    scope="module",
+    params=[("duhem", 11), exhaustive(("two-component", 12)), exhaustive(("preisach", 13))],
+    ids=lambda p: p[0],
 )
 def wire(request):
     kind, seed = request.param

@@ -20,6 +20,7 @@ def test_a_duhem_wire_has_no_memory(rng):
     assert fit.memory.doubts == ()
 
 
+@pytest.mark.exhaustive
 def test_half_of_a_wire_has_memory(rng):
     wire, v = MixedWire(0.5, 0.4, rng), nested_loops(rng, samples=1200)
     record = prepare(v, 4.0 - 3.0 * wire.simulate(v), None)
