@@ -134,8 +134,9 @@ def _sample_caveats(log: Log) -> tuple[str, ...]:
 class RunMetrics:
     """Metrics of a complete or interrupted run, computed from its log alone. Unknown metrics are NaN.
 
-    `kind` is for example `excitation` or `tracking`. `energy_j` is the electrical energy that the wire received.
-    `limited_percent` is the share of ticks in which a limit held the output back.
+    `kind` is for example `excitation` or `tracking`. `rms_percent` and `max_percent` are the tracking error in % of
+    the stroke. `energy_j` is the electrical energy that the wire received. `limited_percent` is the share of ticks in
+    which a limit reduced the output.
     """
 
     kind: str
