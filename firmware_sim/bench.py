@@ -113,7 +113,10 @@ class SimulatedBench:
                 RandomBusFaults(device.faults, device.power_cycle, seed=self.seed, **script.random.model_dump())
 
     def known_faults(self) -> dict[str, Callable[..., None]]:
-        """Return every fault that a script can name. Faults of a named device begin with its name and a dot."""
+        """Return every fault that a script can name: name to method.
+
+        The names of a device's faults begin with the name of the device and a dot, if the device has a name.
+        """
         faults = self.sensors.faults.by_name() | self.plant.faults.by_name() | self.plant.ageing.by_name()
         for device in self.devices:
             prefix = f"{device.name}." if device.name else ""

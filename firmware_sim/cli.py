@@ -208,7 +208,7 @@ def _event_log(path: Path | None) -> Iterator[TextIO]:
     try:
         file = path.open("a", encoding="utf-8")
     except OSError as error:
-        typer.echo(f"firmware-sim: --log {path}: cannot be written ({error.strerror})", err=True)
+        typer.echo(f"firmware-sim: --log {path}: cannot be written ({error.strerror}). Check the folder.", err=True)
         raise typer.Exit(2) from None
     with file:
         yield file

@@ -19,7 +19,10 @@ A Preisach plane has cells of 0.25 K, so the number of its cells grows with the 
 
 
 class Wire(Section):
-    """The wire as one lumped mass. The latent heat is in J/kg, so the wire needs `mass_kg` too."""
+    """The wire as one lumped mass. The latent heat is in J/kg, so the wire needs `mass_kg` too.
+
+    `resistance_change` is the relative change of the resistance from the cold wire to the hot wire.
+    """
 
     heat_capacity_j_per_k: float = Field(gt=0)
     loss_w_per_k: float = Field(gt=0)
@@ -88,7 +91,10 @@ class Bias(Section):
 
 
 class Thermocouple(Section):
-    """The bead on the wire and its converter."""
+    """The thermocouple on the wire and its converter.
+
+    `quantum_c` is the resolution of the converter, `conversion_s` the time between two readings.
+    """
 
     lag_s: float = Field(ge=0)
     noise_c: float = Field(ge=0)

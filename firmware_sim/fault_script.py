@@ -69,7 +69,7 @@ class ScheduledFault(NamedTuple):
 
 
 class Timeline:
-    """Scheduled faults in the order of their times."""
+    """The faults of a script that have not begun yet, in the order of their times."""
 
     def __init__(
         self, faults: Sequence[ScheduledFault] = (), log_event: Callable[[str], None] = lambda _text: None

@@ -8,8 +8,8 @@ For scripts and notebooks (docs/python.md):
         wire = smadrive.identify(rig.excite())
         run = rig.track(smadrive.sine(low_mm=2, high_mm=9, period_s=56), wire)
 
-Subpackages hold the code; docs/architecture.md is their map. A name is imported when it is first used: this file
-imports nothing, so that `smadrive off` starts at once.
+The code is in the subpackages, which docs/architecture.md describes. A name is imported when it is first used: this
+file imports nothing, so that `smadrive off` starts at once.
 """
 
 from typing import TYPE_CHECKING

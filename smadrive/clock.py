@@ -17,7 +17,7 @@ class Clock(Protocol):
     """Seconds since an arbitrary origin, never going back."""
 
     def now_s(self) -> float:
-        """The time now, in seconds."""
+        """Return the present time, in seconds."""
         ...
 
     def sleep_until(self, time_s: float) -> None:
@@ -26,10 +26,10 @@ class Clock(Protocol):
 
 
 class MonotonicClock:
-    """Real time."""
+    """Real time: the machine's monotonic clock."""
 
     def now_s(self) -> float:
-        """Seconds of the machine's monotonic clock."""
+        """Return the time of the machine's monotonic clock, in seconds."""
         return time.monotonic()
 
     def sleep_until(self, time_s: float) -> None:
@@ -47,7 +47,7 @@ class VirtualClock:
         self._followers: list[Callable[[float], None]] = []
 
     def now_s(self) -> float:
-        """Virtual seconds."""
+        """Return the virtual time, in seconds."""
         return self._now_s
 
     def sleep_until(self, time_s: float) -> None:

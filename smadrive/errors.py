@@ -49,7 +49,7 @@ def free_the_line(pid: int | None) -> str:
 
 
 class SmadriveError(Exception):
-    """Root of the tree. Its message: `<where>: <what> (<value>, limit <limit>). <Cure>.`
+    """Base class of all errors of smadrive. The message: `<where>: <what> (<value>, limit <limit>). <Cure>.`
 
     what     the problem
     where    the file, register, device or option with the problem
@@ -111,7 +111,7 @@ class DataError(ConfigError):
 
 
 class ModelError(ConfigError):
-    """A hysteresis model with invalid parameters (crossing branches, σ ≤ 0, sets outside the range)."""
+    """A hysteresis model with invalid parameters (crossing branches, σ ≤ 0, fuzzy sets outside the range)."""
 
 
 class CertificateError(ModelError):
@@ -127,7 +127,7 @@ class TransportError(SmadriveError):
 class BusyError(TransportError):
     """Another process has locked the serial port, or the unit at the network address.
 
-    This process is a driver, a guardian, or `smadrive off`. `holder_pid` is its id; None if the id is unknown.
+    The other process is a driver, a guardian, or `smadrive off`. `holder_pid` is its id; None if the id is unknown.
     """
 
     holder_pid: int | None = None
@@ -175,7 +175,7 @@ class TripError(SafetyError):
     """The supervisor or the device tripped.
 
     `number` is the number of the fault. `what` is the whole sentence of the trip: number, cause, value, limit, remedy.
-    `cure` clears the latched fault.
+    `cure` says how to clear the latched fault.
     """
 
     def __init__(self, what: str, number: int, *, value: object = None, limit: object = None, cure: str = "") -> None:

@@ -150,7 +150,7 @@ class BusFaults:
         self._plan(replies, for_s, code=code)
 
     def defer(self, code: ExceptionCode, after_s: Delay, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Exception `code` arrives first, the real reply `after_s` later, as from an impatient gateway."""
+        """Exception `code` arrives first, the real reply `after_s` later, as from a gateway that did not wait."""
 
         def twice(reply: Message) -> list[Delivery]:
             return [(0.0, reply.reply(reply.exception_pdu(code)).frame), (after_s, reply.frame)]
@@ -199,7 +199,7 @@ class BusFaults:
             connection.disconnect(self._now_s() + for_s)
 
     def by_name(self) -> dict[str, Callable[..., None]]:
-        """Return every fault by its name."""
+        """Return the method of every fault, by the name of the fault."""
         return {name: getattr(self, name) for name in FAULTS}
 
     def clear(self) -> None:
@@ -209,7 +209,7 @@ class BusFaults:
     def answer(self, request: Message, carry_out: Callable[[bytes], bytes], time_s: float) -> list[Delivery]:
         """Return the deliveries that answer `request` at `time_s`, altered by the present fault.
 
-        `carry_out` turns the PDU of the request into the PDU of the reply. `refuse` answers without it.
+        `carry_out` turns the PDU of the request into the PDU of the reply. Under the fault `refuse` it is not called.
         """
         self.before_reply()
         fault = self._next(time_s)

@@ -44,7 +44,7 @@ class Port(Protocol):
     """The devices' end of one connection: bytes in, deliveries out."""
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Return the deliveries that answer `data`, which arrives at `time_s`."""
+        """Return the deliveries (time of arrival, bytes) that answer `data`, which arrives at `time_s`."""
         ...
 
 
@@ -56,7 +56,7 @@ class RtuPort:
         self._units = units
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Return the deliveries that answer `data`, which arrives at `time_s`."""
+        """Return the deliveries (time of arrival, bytes) that answer `data`, which arrives at `time_s`."""
         deliveries = []
         for frame in self.stream.feed(data, time_s):
             deliveries += self._answer(ModbusMessage(frame[0], frame[1:-2]), time_s)
@@ -78,7 +78,7 @@ class TcpPort:
         self._pending = b""
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Return the deliveries that answer `data`, which arrives at `time_s`."""
+        """Return the deliveries (time of arrival, bytes) that answer `data`, which arrives at `time_s`."""
         self._pending += data
         deliveries = []
         while (size := mbap.frame_size(self._pending)) is not None:
@@ -113,7 +113,7 @@ class TextPort:
         self._pending = b""
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Return the deliveries that answer `data`, which arrives at `time_s`."""
+        """Return the deliveries (time of arrival, bytes) that answer `data`, which arrives at `time_s`."""
         *lines, self._pending = _TEXT_END.split(self._pending + data)
         if len(self._pending) >= _TEXT_BUFFER:
             lines.append(self._pending)

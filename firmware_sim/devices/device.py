@@ -17,7 +17,7 @@ from smadrive.modbus.transports.in_process import InProcessTransport
 
 
 class DeviceHost(Protocol):
-    """The simulation that devices belong to, which is a SimulatedBench. It has the time and the event log."""
+    """The simulation to which a device belongs: a SimulatedBench. It has the time and the event log."""
 
     config: SimConfig
     time_s: float
@@ -105,7 +105,7 @@ class Line:
         return TcpPort(self.devices) if numbered else RtuPort(self.devices)
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Return the deliveries that answer `data`, which arrives at `time_s`."""
+        """Return the deliveries (time of arrival, bytes) that answer `data`, which arrives at `time_s`."""
         self._bench.advance_to(time_s)
         return self.port.receive(data, time_s)
 

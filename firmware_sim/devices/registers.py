@@ -125,7 +125,7 @@ class RegisterBank:
             raise ModbusException(ILLEGAL_ADDRESS)
 
     def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
-        """Return `words` as writes of whole registers. ModbusException when a write is not allowed."""
+        """Return one Write for each register that `words` fill. ModbusException when a write is not allowed."""
         writes: list[Write] = []
         at = 0
         while at < len(words):
@@ -150,7 +150,7 @@ class RegisterBank:
         return {cell.role: value for cell, _, value, _ in writes if cell.role is not None}
 
     def store(self, writes: Sequence[Write]) -> None:
-        """Store checked writes. A write-only register stores nothing."""
+        """Store the writes that `checked` returned. A write-only register stores nothing."""
         for cell, words, _, _ in writes:
             if cell.keeps:
                 cell.store(words)

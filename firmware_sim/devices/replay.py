@@ -79,7 +79,7 @@ class Replay:
         return TcpPort(self.units) if numbered else RtuPort(self.units)
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Return the deliveries that answer `data`, which arrives at `time_s`."""
+        """Return the deliveries (time of arrival, bytes) that answer `data`, which arrives at `time_s`."""
         self.advance_to(time_s)
         return self.port.receive(data, time_s)
 

@@ -40,7 +40,7 @@ class SupplyFirmware:
 
     @property
     def current_a(self) -> float:
-        """The current limit while the output is on."""
+        """The current limit while the output is on, otherwise 0."""
         return self.set_a if self.on else 0.0
 
     @property
@@ -64,7 +64,7 @@ class SupplyFirmware:
         """Accept every write, because the register bank has checked the limits of the registers."""
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Set current, voltage, protections and output, as far as `values` contains them."""
+        """Set those of current, voltage, protections and output whose roles `values` contains."""
         self.set_a = values.get("heater_current", self.set_a)
         self.set_v = values.get("heater_voltage", self.set_v)
         self.protections |= {name: values[name] for name in self.protections if name in values}

@@ -39,5 +39,5 @@ class Ageing:
             self.fade += self._fade_per_s * dt_s
 
     def by_name(self) -> dict[str, Callable[..., None]]:
-        """Return the method that a script can call, by name."""
+        """Return the methods that a fault script can call, by name: only `age_wire`."""
         return {"age_wire": self.age_wire}

@@ -104,7 +104,10 @@ class LoadedTransformation:
         self.phase = self._hysteresis.phase(self._state)
 
     def _moved_against_spring(self, shift: _Shift, v0: float, temperature_c: float) -> Any:
-        """Return the state in equilibrium with the spring, by Newton's method within a bracket."""
+        """Return the hysteresis state in equilibrium with the spring at `temperature_c`.
+
+        `v0` is the input before. Newton's method finds the equilibrium between two bounds.
+        """
         hysteresis, rising = self._hysteresis, temperature_c > self._temperature_c
         bounds = sorted((v0, v0 + temperature_c - self._temperature_c))
         v, state, phase = v0, self._state, self.phase
@@ -126,7 +129,7 @@ def _hysteresis(transformation: Transformation) -> Hysteresis[Any]:
 
 
 class _Shift(NamedTuple):
-    """The shift of a branch under stress, K: of the uncontracted wire, and in addition per unit of phase."""
+    """The shift of a branch under stress: in K for the cold wire, and the further K per unit of austenite fraction."""
 
     unstretched_k: float
     per_phase_k: float

@@ -43,7 +43,7 @@ class Sensors:
         return name if name in ("open", "short") else None
 
     def advance(self, wire_before_c: float, dt_s: float) -> None:
-        """Follow the plant, which has just advanced by `dt_s` from the wire temperature `wire_before_c`."""
+        """Update the readings after the plant advanced by `dt_s`, beginning at the wire temperature `wire_before_c`."""
         self.faults.advance(dt_s)
         self._lag(wire_before_c, self._plant.temperature_c, dt_s)
         self.cold_junction_c += self._drift_c_per_h * dt_s / 3600
@@ -64,7 +64,10 @@ class Sensors:
         return self._shown_mm
 
     def _lag(self, before_c: float, after_c: float, dt_s: float) -> None:
-        """Move the bead by a first-order lag, exact for a wire temperature that changes linearly."""
+        """Advance the temperature of the thermocouple by its first-order lag.
+
+        The step is exact for a wire temperature that changes linearly from `before_c` to `after_c`.
+        """
         lag_s = self._lag_s
         if lag_s == 0.0:
             self._bead_c = after_c

@@ -35,7 +35,7 @@ class Endpoint(Protocol):
     url: str
 
     def open(self) -> None:
-        """Admit clients again."""
+        """Accept clients again after `close`."""
         ...
 
     def descriptors(self) -> list[int]:
@@ -47,9 +47,9 @@ class Endpoint(Protocol):
         ...
 
     def receive(self, descriptor: int) -> Received | None:
-        """Return the bytes that have arrived at `descriptor`; None if no byte arrived, but a client came or left."""
+        """Return the bytes that have arrived at `descriptor`, and their connection; None if no byte has arrived."""
         ...
 
     def close(self) -> None:
-        """Close every connection, and admit no client until `open`."""
+        """Close every connection, and accept no client until `open`."""
         ...

@@ -81,4 +81,4 @@ def _options(
 
 
 def _not_imported() -> None:
-    """Stand for a command that this process does not run, so that the help lists it."""
+    """Do nothing: the placeholder of a command that the help lists and this process does not run."""

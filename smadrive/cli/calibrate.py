@@ -24,7 +24,7 @@ from smadrive.wire.boiling_point import STANDARD_HPA, boiling_point_c
 
 SUFFIXES = {"temperature": "c", "displacement": "mm"}
 VALUE_UNCERTAINTIES = {"temperature": 0.1, "displacement": 0.01}
-"""Standard uncertainty of a known value, if --value-uncertainty is not given: a stirred bath in °C, a gauge in mm."""
+"""Standard uncertainty of a known value without --value-uncertainty: of a stirred bath in °C, of a gauge in mm."""
 
 
 KNOWN_VALUES = {"temperature": (-100.0, 600.0), "displacement": (-1e4, 1e4)}
@@ -135,7 +135,7 @@ def _ask(text: str) -> None:
 
 
 def _section(sensor: CalibratedSensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> dict[str, Any]:
-    """Return the section of the rig file, with the points as evidence."""
+    """Return the calibration section of this sensor for the rig file. The key `evidence` lists the points as text."""
     suffix = SUFFIXES[sensor]
     values: dict[str, Any] = {
         f"offset_{suffix}": round(fit.offset, 5),

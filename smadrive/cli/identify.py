@@ -113,7 +113,10 @@ def _rules(fit: AnyFit) -> int:
 
 
 def _memory(fit: AnyFit) -> dict[str, object] | None:
-    """Return how the memory of a T-S fuzzy model was chosen; None for a Duhem model. Unknown errors are None."""
+    """Return the sets of the last turning point and the held-out errors in %; None for a Duhem model.
+
+    An unknown error is None.
+    """
     if not isinstance(fit, MemoryFit):
         return None
     choice = fit.memory
@@ -147,7 +150,7 @@ def _print_fit(output: Output, fit: AnyFit, thermal: ThermalFit | None, caveats:
 
 
 def certificate_rows(certificate: Certificate) -> list[tuple[str, str, str]]:
-    """Return a row for each figure of a certificate: its name, its value and its meaning."""
+    """Return a row of texts for each property of a certificate: its name, its value and its meaning."""
     left = 100 * certificate.loop_contraction
     decays, persists = "above 0, good: an initial error decays", "not above 0, bad: an initial error persists"
     stays = "good: the output stays in the stroke" if certificate.bounded else "bad: the output leaves the stroke"

@@ -29,9 +29,9 @@ def main(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the input with which MODEL follows the output in CSV. Where MODEL cannot follow, `reachable` is 0.
+    """Find the input with which MODEL follows the output in CSV.
 
-    An output that MODEL reaches nowhere is an error.
+    The column `reachable` is 0 where MODEL cannot follow. If MODEL can follow nowhere, the command ends with an error.
     """
     output = Output(as_json)
     check_output(output_file, TABLE, model, csv)
@@ -49,7 +49,7 @@ def main(
 
 
 def _nothing_in_reach(csv: Path, column: str, setpoint: NDArray[np.float64], model: HysteresisModel) -> DataError:
-    """Return the error for a setpoint of which MODEL reaches no sample."""
+    """Return the error for a column of setpoints if `model` reaches none of these setpoints."""
     ends = np.sort(model.simulate(np.array(model.input_range)))
     return DataError(
         "the model reaches no value",

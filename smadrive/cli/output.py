@@ -73,7 +73,7 @@ class Output:
     def progress(self, title: str) -> Progress:
         """Return a progress display with one task of unknown length. The display is a context manager.
 
-        It vanishes at the end.
+        The display vanishes at the end of the context.
         """
         from rich.console import Console  # noqa: PLC0415
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn  # noqa: PLC0415

@@ -1,9 +1,9 @@
 """`smadrive paper`: repeat the published simulation, and show its errors beside the published ones.
 
 S.-Y. Lee, M. Park, J. Baek, "Modeling of Dynamic Hysteresis Based on Takagi-Sugeno Fuzzy Duhem Model", IJFIS 2013:
-11 x 2 rules rebuild a Duhem model with k = 40 on the range [-300, 300]. The paper reports errors in [-1.2, 1]. It shows
-its input signals as figures, without a table. Here, the major loop is one sweep of the range and back; the mixed loop
-adds shrinking reversals.
+11 x 2 rules rebuild a Duhem model on the input range [-300, 300]. The output of this model is k = 40 times its state.
+The paper reports errors from -1.2 to 1. It shows its input signals as figures, without a table. Here, the major loop is
+one sweep of the range and back; the mixed loop adds shrinking reversals.
 """
 
 from __future__ import annotations

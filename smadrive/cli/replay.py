@@ -56,7 +56,7 @@ def _wire(path: Path, log: Log) -> IdentifiedWire:
 
 
 def _predictions(log: Log, again: Replay, wire: IdentifiedWire | None) -> dict[str, float]:
-    """Return the RMS of estimated minus measured displacement, in % of the stroke, for the record and the replay.
+    """Return the RMS of estimated minus measured displacement, in % of the stroke, as `recorded` and as `replayed`.
 
     The result is empty when the run used no model.
     """

@@ -107,7 +107,7 @@ def _runs(comparison: RunComparison) -> list[dict[str, Any]]:
 
 
 def _end(log: Log) -> dict[str, Any]:
-    """Return how the run ended."""
+    """Return the JSON keys that tell how the run ended: `complete` (a bool) and `ended_by` (a text)."""
     return {
         "complete": bool(log.end_time) and not log.ended_by,
         "ended_by": log.ended_by if log.end_time else "a kill, or it still runs",

@@ -75,8 +75,8 @@ def main(
     """Track a displacement reference with the wire of RIG, by the inverse of its identified model.
 
     The run is simulated on the model before the wire is heated. A reference that the wire cannot follow is an error.
-    --resume takes reference, model and number of cycles from a log, which stays as it is. --smooth, --trace and
-    --log-file apply to the cycles that it runs.
+    --resume takes reference, model and number of cycles from a log, and does not change this log. --smooth, --trace
+    and --log-file apply to the remaining cycles.
     """
     output, warned = Output(as_json), tuple[str, ...]()
     check_output(log_file, LOG)
@@ -141,7 +141,7 @@ def _resumed_text(cycling: Cycling, *, smooth: bool) -> str:
 
 
 def _rest_text(rig: str, log_file: Path) -> str:
-    """Return the end of the sentence about an interrupted run: the command that does the cycles that are left."""
+    """Return the end of the sentence about an interrupted run: the command that runs the remaining cycles."""
     resume = f"smadrive run {shlex.quote(rig)} --resume {shlex.quote(str(log_file))} -o NEW.h5"
     return f"; do the remaining cycles with {resume}"
 
@@ -151,7 +151,7 @@ def _print_metrics(
 ) -> None:
     """Print the metrics of the run up to its end or its trip. `loop` is None after a trip.
 
-    The caveats in `warned` were printed before the run, so only the object for a program holds them again.
+    The caveats in `warned` were printed before the run. They are not printed again, but the JSON object holds them.
     """
     metrics = tracking_metrics(log, loop or tripped_loop_metrics(log))
     caveats = tracking_caveats(log)

@@ -83,7 +83,7 @@ class _Stderr(io.FileIO):
 
 
 def open_stdout() -> None:
-    """Replace Python's standard output and standard error by streams that handle failed writes as the head says.
+    """Replace Python's standard output and standard error by streams that handle failed writes (see this module).
 
     If standard output is closed, the null device replaces it, so that no other file gets its descriptor.
     """
@@ -109,7 +109,7 @@ def is_unread() -> bool:
 
 
 def use_stderr_if_stdout_fails() -> None:
-    """From now on, write to standard error what cannot be written to standard output."""
+    """From now on, write a text to standard error if it cannot be written to standard output."""
     raw = _raw_stdout()
     if raw is not None and sys.stderr is not None:
         raw.spare = sys.stderr.fileno()

@@ -24,7 +24,7 @@ BORDER, PADDING = 1, 2
 def fitted_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: set[int], width: int) -> Table | None:
     """Return a table that is at most `width` characters wide, or None if a number would have to be wrapped.
 
-    `texts` are the columns with texts, which stand at the left.
+    `texts` are the indices of the columns with texts. These columns are aligned to the left, the others to the right.
     """
     columns = list(zip(header, *rows, strict=True))
     widths = _fitted([max(map(cell_len, column)) for column in columns], [*map(_least, columns)], width)
@@ -64,7 +64,10 @@ def _has_digit(word: str) -> bool:
 
 
 def _fitted(natural: list[int], least: list[int], width: int) -> list[int] | None:
-    """Return the widths of the columns, the widest reduced first; None if they do not fit."""
+    """Return widths of the columns that fit into `width`; None if there are none.
+
+    The widths begin at `natural`. The widest is reduced first, and none becomes smaller than in `least`.
+    """
     widths = natural
     excess = sum(widths) + len(widths) * (BORDER + PADDING) + BORDER - width
     for _ in range(excess):

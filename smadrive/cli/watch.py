@@ -48,7 +48,7 @@ def main(
     browser: Annotated[bool | None, typer.Option(help="Open the page in the browser; the default.")] = None,
     as_json: Annotated[
         bool,
-        typer.Option("--json", help="Print one JSON object per measurement and line, and nothing else."),
+        typer.Option("--json", help="Print one JSON object per measurement, each on its own line, and nothing else."),
     ] = False,
 ) -> None:
     """Show the live values of RIG, without heat: the heater is never armed. The key q or Ctrl-C ends the command.

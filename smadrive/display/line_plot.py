@@ -52,7 +52,7 @@ class _Axis:
 
 
 def line_plot(curves: Sequence[Curve], x_label: str, y_label: str) -> str:
-    """Return the SVG of the curves; empty when no value is finite."""
+    """Return the SVG text of the curves; an empty text when no value is finite."""
     shown = [_thinned(curve) for curve in curves]
     points = [point for curve in shown for point in curve if _is_finite(point)]
     if not points:
@@ -130,7 +130,7 @@ def _labels(x_label: str, y_label: str) -> Iterator[str]:
 
 
 def _legend(curves: Sequence[Curve]) -> Iterator[str]:
-    """Return the SVG of the curves' labels, in a row above the axes."""
+    """Yield the SVG of the curves' labels, in a row above the axes."""
     x = LEFT
     for curve in curves:
         yield f"<path d='M{x} 10h16' stroke='{curve.colour}'{_dashes(curve)}/>"

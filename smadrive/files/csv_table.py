@@ -27,10 +27,10 @@ OTHER_SEPARATORS = (";", "\t")
 
 
 LARGEST = 1e12
-"""The largest number. No sample in a usual unit is larger, and the squares of much larger numbers would overflow."""
+"""Largest magnitude of a number in a table. Samples in usual units are smaller; squares of huge numbers overflow."""
 
 MOST_BYTES = 1 << 29
-"""The largest file, bytes: ten days at 20 Hz with three columns. The table takes ten times as much memory."""
+"""Largest size of a file in bytes: ten days at 20 Hz with three columns. In memory a table is ten times as large."""
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,10 @@ def suggestion_or_list(name: str, names: Iterable[str]) -> str:
 
 
 def suggested_file(path: Path) -> str:
-    """Return the suggestion of the file with the same folder and ending and the nearest name; "" without a near one."""
+    """Return `did you mean 'x'?`; x is the file of the same folder and ending with the nearest name.
+
+    The result is "" if no name is near.
+    """
     names: list[str] = []
     with suppress(OSError, ValueError):
         names = sorted(one.name for one in path.parent.iterdir() if one.suffix == path.suffix)

@@ -40,7 +40,10 @@ LOST_S = 5.0
 """An observation without a measurement for this time ends with the error of the last exchange."""
 
 Watch = Callable[[TickRecorder, float], AbstractContextManager[Record]]
-"""Takes the open log and the duration of the run. Yields the function that records, and may show, each tick."""
+"""Takes the recorder of the open log, and the duration of the run in s. Returns a context manager.
+
+The context yields a function. The loop calls this function with each tick; it records the tick, and may also show it.
+"""
 
 
 def plan_excitation(rig: Rig) -> Excitation:
@@ -88,7 +91,10 @@ def observe(rig: Rig, duration_s: float, record: Record, is_ended: StopRequested
 
 
 def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetrics:
-    """Run a manual step and record it in `log_file`. ConfigError beyond a limit of the rig, TripError after a trip."""
+    """Run a manual step and record it in `log_file`.
+
+    ConfigError if the step exceeds a limit of the rig, TripError after a trip.
+    """
     caveats = check_step(step, rig.config, rig.data_sheet)
     controller = step_controller(rig.config, step, rig.nominal_balance)
     with (
@@ -136,7 +142,11 @@ def drive(
 
 
 def read_reference(text: str) -> Reference:
-    """Return the reference of a CSV file, or of a text such as `sine:low_mm=2,high_mm=9,period_s=56`."""
+    """Return the reference that `text` names.
+
+    `text` is the path of a CSV file with the columns `time_s` and `displacement_mm`, or a shape such as
+    `sine:low_mm=2,high_mm=9,period_s=56`.
+    """
     path = Path(text)
     if TABLE.has_ending(path) or path.is_file():
         table = read_table(path)

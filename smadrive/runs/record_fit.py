@@ -47,7 +47,7 @@ class RecordFit:
 def fit_file(path: Path, columns: tuple[str, str], settings: FitSettings) -> RecordFit:
     """Fit the record in a log, or the two `columns` of a CSV file.
 
-    DataError for another kind of file, ConfigError for other columns of a log.
+    DataError for another kind of file. ConfigError if `columns` of a log are not `INPUT` and `OUTPUT`.
     """
     if LOG.has_ending(path):
         check_log_columns(path, columns)

@@ -32,16 +32,16 @@ from smadrive.wire.identified_wire import IdentifiedWire
 _row = row_getter(COLUMNS)
 
 EXCITATION = "excitation"
-"""The kind of an identification experiment."""
+"""The metadata text `kind` of an identification experiment."""
 
 OWN_CONTROLLER = "own controller"
-"""The kind of a run with a controller of the user; its log cannot be replayed."""
+"""The metadata text `kind` of a run with a controller of the user. The log of such a run cannot be replayed."""
 
 STEP = "manual step"
-"""The kind of a run of `heat`."""
+"""The metadata text `kind` of a run of the command `heat`."""
 
 OBSERVATION = "observation"
-"""The kind of a log of `watch`: measurements without heat."""
+"""The metadata text `kind` of a log of the command `watch`: measurements without heat."""
 
 _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 

@@ -148,8 +148,9 @@ def _command_caveats(log: Log) -> Iterator[str]:
 class RunMetrics:
     """Metrics of a complete or interrupted run, computed from its log alone. Unknown metrics are NaN.
 
-    `kind` is for example `excitation` or `tracking`. `energy_j` is the electrical energy that the wire received.
-    `limited_percent` is the share of ticks in which a limit held the output back.
+    `kind` is for example `excitation` or `tracking`. `rms_percent` and `max_percent` are the tracking error in % of
+    the stroke. `energy_j` is the electrical energy that the wire received. `limited_percent` is the share of ticks in
+    which a limit reduced the output.
     """
 
     kind: str

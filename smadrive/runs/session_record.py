@@ -51,12 +51,12 @@ class Span(NamedTuple):
 
 
 def mode_event(mode: str) -> str:
-    """Return the event of a new mode."""
+    """Return the text of the event for a new mode."""
     return f"{_MODE}{mode}"
 
 
 def in_force_event(change: str, model: int, values: Mapping[str, object]) -> str:
-    """Return the event of a tuning that was put in force."""
+    """Return the text of the event for a tuning that was put in force."""
     texts = (
         f"{name} = {value:g}" if isinstance(value, float) else f"{name} = {value}" for name, value in values.items()
     )
@@ -64,14 +64,14 @@ def in_force_event(change: str, model: int, values: Mapping[str, object]) -> str
 
 
 def model_events(number: int, text: str) -> list[str]:
-    """Split the JSON `text` of model `number` into parts, and return one event for each part."""
+    """Split the JSON `text` of model `number` into parts, and return the text of one event for each part."""
     compact = json.dumps(json.loads(text), separators=(",", ":"))  # ASCII: a character is a byte
     parts = [compact[at : at + _PART_BYTES] for at in range(0, len(compact), _PART_BYTES)]
     return [f"model {number}, part {n} of {len(parts)}: {part}" for n, part in enumerate(parts, 1)]
 
 
 def models_of(log: Log) -> dict[int, str]:
-    """Return the texts of the models in a session's log, by their numbers. A model with a missing part is left out."""
+    """Return the models in a session's log: model number to JSON text. A model with a missing part is left out."""
     parts: dict[int, dict[int, str]] = {}
     totals: dict[int, int] = {}
     for event in log.events:
@@ -90,7 +90,7 @@ def tunings_of(log: Log) -> list[PutInForce]:
 
 
 def spans_of(log: Log) -> Iterator[Span]:
-    """Yield the modes over time, until the last row."""
+    """Yield one span for each mode event, in order. The last span ends at the last row of the log."""
     end_s = float(log.column("time_s")[-1])
     marks = [event for event in log.events if event.message.startswith(_MODE)]
     ends = [*(event.time_s for event in marks[1:]), end_s]

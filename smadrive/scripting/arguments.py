@@ -30,12 +30,12 @@ class ScriptController(Protocol):
     """A controller of the user. It returns one command per measurement; `time_s` counts from the start of the run."""
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command for the coming period of `dt_s`."""
+        """Return the command for the coming period. `dt_s` is the time since the previous call, in s."""
         ...
 
 
 def rig_of(rig: RigConfig | PathText) -> RigConfig:
-    """Return the rig: a shipped name, the path of a rig file, or a RigConfig."""
+    """Return the configuration of `rig`, which is a shipped name, the path of a rig file, or a RigConfig."""
     if isinstance(rig, RigConfig):
         return rig
     return load_rig(os.fspath(path_text(rig, "rig", "a shipped name, the path of a rig file, or a RigConfig")))
@@ -49,7 +49,7 @@ def wire_of_argument(wire: WireLike) -> IdentifiedWire:
 
 
 def reference_of_argument(reference: ReferenceLike) -> Reference:
-    """Return the reference: a shape, a text as on the command line, or the path of a CSV file."""
+    """Return the reference, given as a shape, as a text as on the command line, or as the path of a CSV file."""
     if isinstance(reference, Reference):
         return reference
     wanted = "a shape such as smadrive.sine(…), a text such as 'sine:low_mm=…', or the path of a CSV file"

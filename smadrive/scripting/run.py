@@ -66,7 +66,7 @@ class Run:
 
     @property
     def kind(self) -> str:
-        """`excitation`, `manual step`, `tracking` or `own controller`."""
+        """`excitation`, `manual step`, `tracking`, `own controller`, `observation` or `tuning`."""
         return self.log.text("kind")
 
     @property
@@ -89,7 +89,7 @@ class Run:
 
     @cached_property
     def metrics(self) -> RunMetrics:
-        """All metrics that the log holds."""
+        """The metrics of the run, computed from its log."""
         return run_metrics(self.log)
 
     @cached_property
@@ -160,7 +160,7 @@ class Run:
         return xarray.Dataset(data, {"time_s": time}, {"log_file": str(self.log_file), "kind": self.kind})
 
     def facts(self) -> list[tuple[str, str]]:
-        """Return the main facts: names and values with units."""
+        """Return the main facts of the run as pairs of texts: name, value with its unit."""
         metrics = self.metrics
         facts = [("length", quantity(metrics.duration_s, 1, "s")), ("ticks", str(self.ticks))]
         if isfinite(metrics.rms_percent):

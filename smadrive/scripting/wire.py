@@ -124,7 +124,7 @@ def _check_options(kind: object, sets: object, memory: object, columns: tuple[ob
 
 
 def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], settings: FitSettings) -> tuple[RecordFit, str]:
-    """Return the fit, and the name of its record."""
+    """Return the fit and the path of its record. The path is "" for arrays and for a table."""
     if displacement_mm is not None:
         v, y = paired_vectors(data, displacement_mm, ("temperature_c", "displacement_mm"))
         return fit_columns(v, y, columns, settings), ""

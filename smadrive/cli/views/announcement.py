@@ -27,7 +27,7 @@ def announce(output: Output, log_file: Path, what: str, duration_s: float, clock
 def announced(
     output: Output, log_file: Path, what: str, clock: Clock, watch: Watch, excitation: Excitation | None = None
 ) -> Watch:
-    """Return `watch` (the display of an experiment), preceded by the announcement, and by that of an excitation."""
+    """Return a Watch that announces the experiment, and its `excitation` if there is one, and then calls `watch`."""
 
     def both(recorder: TickRecorder, duration_s: float) -> AbstractContextManager[Record]:
         announce(output, log_file, what, duration_s, clock)

@@ -59,7 +59,7 @@ def write_log_report(path: Path, log: Log) -> RunMetrics:
 
 
 def state_of(log: Log, summary: RunMetrics) -> Banner:
-    """Return the line that says how the run ended."""
+    """Return the banner, a coloured line of the page, that says how the run ended."""
     if not log.end_time:
         return Banner(
             "warning",
@@ -156,5 +156,5 @@ def _items(values: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def clock_text(time: str) -> str:
-    """Return a time of a log as a person reads it."""
+    """Return a time of a log (ISO 8601) in a readable form, such as `2026-11-23 12:00:00 UTC`; "" stays ""."""
     return time.replace("T", " ").replace("+00:00", " UTC")

@@ -50,7 +50,7 @@ class Extremes:
             self._values[name] = (value, min(low, value), max(high, value)) if isfinite(value) else (value, low, high)
 
     def rows(self) -> list[tuple[str, ...]]:
-        """Return the table of the values."""
+        """Return one row of texts for each quantity: its name, its last, its lowest and its highest value."""
         return [
             (name, *(number(value, digits, unit) for value in self._values[name]))
             for name, _, digits, unit, _ in QUANTITIES
@@ -116,7 +116,7 @@ def plot_lines(points: list[tuple[float, float]], width: int, span: float, digit
 
 
 def _block(height: int | None, row: int) -> str:
-    """Return the character of a column in a row of the plot; the column is filled up to `height` eighths of rows."""
+    """Return the character of one column in one row. The column is filled to `height`, in eighths of a row."""
     if height is None or height < row * len(LEVELS):
         return " "
     return LEVELS[min(height - row * len(LEVELS), len(LEVELS) - 1)]

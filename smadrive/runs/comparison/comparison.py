@@ -19,11 +19,14 @@ MOST_RUNS = 8
 """Largest number of runs in a comparison: plots have this number of colours."""
 
 NAME_LENGTH = 28
-"""A longer name of a run is cut."""
+"""Largest number of characters of a run's name. A longer name is cut at its beginning."""
 
 
 class Quantity(NamedTuple):
-    """A row of the table of metrics: name, attribute of `ComparedMetrics`, unit, decimal places and factor."""
+    """A row of the table of metrics: its name, the attribute of `ComparedMetrics`, its unit and its decimal places.
+
+    `factor` converts the attribute to `unit`.
+    """
 
     name: str
     attribute: str
@@ -84,17 +87,20 @@ class RunComparison:
 
     @cached_property
     def settings(self) -> dict[str, tuple[str, ...]]:
-        """The settings in which the runs differ: by the name of the setting, its value in each run, as text."""
+        """The settings in which the runs differ: name of the setting to its value in each run, as text."""
         return differing_settings(self.logs)
 
     def differences(self) -> list[dict[str, float]]:
-        """Return for each run the differences of its metrics from those of the first run, by their names."""
+        """Return one dict for each run: name of a metric to the metric minus that of the first run."""
         names = [field.name for field in fields(ComparedMetrics) if field.name != "kind"]
         first = self.metrics[0]
         return [{name: getattr(run, name) - getattr(first, name) for name in names} for run in self.metrics]
 
     def metric_rows(self) -> list[tuple[str, ...]]:
-        """Return the table of metrics as texts: name, then the value of each run with its difference from the first."""
+        """Return the rows of the table of metrics: name, then each run's value and its difference from the first run.
+
+        A metric that is unknown in every run is left out.
+        """
         rows = []
         for quantity in QUANTITIES:
             values = [quantity.factor * getattr(run, quantity.attribute) for run in self.metrics]

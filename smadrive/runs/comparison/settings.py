@@ -1,4 +1,4 @@
-"""The settings of a run as texts by their names, and the settings in which runs differ."""
+"""The settings of a run as a dict from name to text, and the settings in which runs differ."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference
 from smadrive.wire.wire_model import travel_mm
 
 MOST_VALUES = 8
-"""Models that differ in more values are compared by the number of these values."""
+"""If models differ in more values than this, only the number of these values is shown."""
 
 MODEL = "model: "
 BALANCE = "heat balance: "
 """The names of the values of a model, and of its heat balance, begin with these texts."""
 
 PLAIN = ("inverse", "controller", "seed", "machine")
-"""Texts of the metadata that are settings as they stand."""
+"""Names of the metadata texts that are settings without a conversion."""
 
 
 def differing_settings(logs: Sequence[Log]) -> dict[str, tuple[str, ...]]:
@@ -49,12 +49,15 @@ def _is_follow_up(name: str, texts: Sequence[str]) -> bool:
 
 
 def settings_of(log: Log) -> dict[str, str]:
-    """Return every setting of the run. DataError when the metadata are invalid."""
+    """Return every setting of the run: name to text. DataError when the metadata are invalid."""
     return dict(_settings(log))
 
 
 def flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield (path, value) for each value in a tree of JSON objects. A path is for example `limits.current_max_a`."""
+    """Yield (path, JSON text) for each value in a tree of JSON objects.
+
+    A path is for example `limits.current_max_a`. A list without objects is one value.
+    """
     if isinstance(value, dict):
         for name, inner in value.items():
             yield from flat(inner, f"{key}.{name}" if key else name)
@@ -66,7 +69,7 @@ def flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
 
 
 def set_values(value: Any) -> Iterator[tuple[str, str]]:
-    """Yield (path, value) like `flat`, without the values that are null in JSON."""
+    """Yield (path, JSON text) like `flat`, without the values that are null."""
     return ((name, text) for name, text in flat(value) if text != "null")
 
 
@@ -88,7 +91,7 @@ def _settings(log: Log) -> Iterator[tuple[str, str]]:
 
 
 def _experiment(log: Log) -> Iterator[tuple[str, str]]:
-    """Yield reference, excitation or step, without the way from the state of the wire at the start."""
+    """Yield (name, text) for reference, excitation or step, without the path from the wire's first state."""
     if "reference" in log.metadata:
         yield from _reference(reference_of(log))
     if "excitation" in log.metadata:
@@ -101,7 +104,7 @@ def _experiment(log: Log) -> Iterator[tuple[str, str]]:
 
 
 def _plain(value: Any) -> Iterator[tuple[str, str]]:
-    """Yield (path, value) like `flat`, texts without quotation marks and numbers with five digits."""
+    """Yield (path, text) like `set_values`, but texts without quotation marks and numbers with five digits."""
     for name, text in set_values(value):
         inner = json.loads(text)
         yield name, f"{inner:.5g}" if isinstance(inner, float) else inner if isinstance(inner, str) else text
@@ -118,7 +121,7 @@ def _reference(reference: Reference) -> Iterator[tuple[str, str]]:
 
 
 def _gains(log: Log) -> Iterator[tuple[str, str]]:
-    """Yield the gains of the temperature loop, which follow from the rig file and the heat balance."""
+    """Yield (name, text) of the gains of the temperature loop, computed from the rig file and the heat balance."""
     kind = log.text("kind")
     is_identified = kind == "tracking"
     if not is_identified and not {"excitation", "step"} & log.metadata.keys():
@@ -143,10 +146,9 @@ def _wire(log: Log) -> Iterator[tuple[str, str]]:
 
 
 def counted(rows: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
-    """Return the settings with at most `MOST_VALUES` values of models.
+    """Return `rows`, but replace the rows of model values by a single row if there are more than `MOST_VALUES`.
 
-    If there are more, one row takes their place: it has, for each run, the number of values that differ from those of
-    the first run.
+    This row holds for each run the number of model values that differ from the first run, as text.
     """
     of_models = [texts for name, texts in rows.items() if name.startswith(MODEL)]
     if len(of_models) <= MOST_VALUES:
@@ -157,5 +159,5 @@ def counted(rows: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
 
 
 def _count_text(count: int) -> str:
-    """Return the number of values that differ from the first run as text."""
+    """Return as text how many (`count`) values differ from the first run."""
     return f"{count} differ from the first run" if count else "same as the first run"

@@ -25,11 +25,14 @@ MOST_SHOWN = 2
 """The largest number of changes of the rig file that a warning names."""
 
 MOST_CHARACTERS = 40
-"""The largest length of a value in this warning."""
+"""Largest number of characters of a value in the warning about a changed rig file."""
 
 
 class Continuation(NamedTuple):
-    """The data for the rest of a run. `caveats` are differences between the rig files of the two parts."""
+    """The data for the rest of a cycling run. `reference` is one cycle, without the approach.
+
+    `caveats` holds a warning if the rig file has changed since the previous part; otherwise it is empty.
+    """
 
     reference: Reference
     wire: IdentifiedWire
@@ -57,7 +60,7 @@ def continuation_of(path: Path, config: RigConfig) -> Continuation:
 
 
 def _one_cycle(reference: Reference) -> Reference:
-    """Return the table of one cycle, without the approach."""
+    """Return one cycle of the reference, without the approach."""
     is_scored = reference.times_s >= reference.scored_from_s
     return Reference.from_samples(reference.times_s[is_scored], reference.displacement_mm[is_scored])
 
@@ -74,7 +77,7 @@ def _check_wire(log: Log, config: RigConfig) -> None:
 
 
 def _differences(log: Log, config: RigConfig) -> tuple[str, ...]:
-    """Return one warning of at most two sentences if the rig file has changed since the run, otherwise none."""
+    """Return one warning if the rig file has changed since the run in `log`, otherwise an empty tuple."""
     now = dict(flat(json.loads(config.model_dump_json())))
     before = dict(flat(log.json("rig")))
     names = [name for name in {**before, **now} if now.get(name) != before.get(name)]

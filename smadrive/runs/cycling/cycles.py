@@ -30,7 +30,7 @@ REST_SHARE = 0.05
 """The wire counts as at rest while the setpoint is within this share of the reference's span from the cold end."""
 
 LEAST_SAMPLES = 3
-"""A resistance at rest needs this number of samples."""
+"""A resistance at rest is computed from at least this number of samples."""
 
 COLUMNS_OF_A_CYCLE = ("time_s", "setpoint_mm", "displacement_mm", "temperature_c", "current_a", "voltage_v")
 
@@ -40,7 +40,10 @@ EVENT = "cycle "
 
 @dataclass(frozen=True)
 class CycleMetrics:
-    """The metrics of one cycle; errors in % of the model's stroke. Unknown values are NaN."""
+    """The metrics of one cycle; errors in % of the model's stroke. Unknown values are NaN.
+
+    `cycle` counts from 1. `rest_ohm` is the resistance at rest.
+    """
 
     cycle: int
     stroke_mm: float
@@ -80,7 +83,7 @@ class Cycling:
         return self.total - len(self.before)
 
     def text(self) -> str:
-        """Return the plan as the log stores it."""
+        """Return the plan as JSON, as the log stores it."""
         before = [{name: _or_none(value) for name, value in asdict(one).items()} for one in self.before]
         return json.dumps({"total": self.total, "continues": self.continues, "before": before})
 
@@ -109,7 +112,10 @@ def cycles_of(log: Log) -> list[CycleMetrics]:
 
 
 class CycleEvents:
-    """Writes an event after each cycle of a run. Call `tick` with every tick, `finish` after a complete run."""
+    """Writes an event after each cycle of a run. Call `tick` with every tick, `finish` after a complete run.
+
+    `write` takes the text of an event. `travel` is the displacement of the cold and of the hot wire, in mm.
+    """
 
     def __init__(
         self,
@@ -148,7 +154,10 @@ class CycleEvents:
 
 
 def metrics_of(number: int, rows: Array, travel: tuple[float, float], current_max_a: float) -> CycleMetrics:
-    """Return the metrics of the cycle `number`, whose rows hold the values of `COLUMNS_OF_A_CYCLE`."""
+    """Return the metrics of the cycle `number`. `travel` is the displacement of the cold and the hot wire, in mm.
+
+    `rows` has one row for each sample, with the columns `COLUMNS_OF_A_CYCLE`.
+    """
     time_s, setpoint_mm, displacement_mm, temperature_c, current_a, voltage_v = rows.T
     cold_mm, hot_mm = travel
     error = 100.0 * (setpoint_mm - displacement_mm) / abs(hot_mm - cold_mm)
@@ -171,7 +180,7 @@ def metrics_of(number: int, rows: Array, travel: tuple[float, float], current_ma
 
 
 def cycle_rows(cycles: Iterable[CycleMetrics]) -> list[tuple[str, ...]]:
-    """Return the table of cycles as texts, under `CYCLE_HEADER`."""
+    """Return one row of texts for each cycle, with the columns of `CYCLE_HEADER`."""
     return [
         (
             str(one.cycle),
@@ -213,7 +222,10 @@ def _numbers(reference: Reference, time_s: Array) -> NDArray[np.int64]:
 
 
 def _complete(reference: Reference, last_s: float, tolerance_s: float) -> int:
-    """Return the number of complete cycles of a run whose last sample was at `last_s`."""
+    """Return the number of complete cycles of a run whose last sample was at `last_s`.
+
+    A cycle counts as complete from `tolerance_s` before its end.
+    """
     cycles = (last_s + tolerance_s - reference.scored_from_s) / reference.cycle_s
     return min(max(int(cycles), 0), reference.repeats)
 

@@ -21,7 +21,7 @@ COLOURS = ("#1d6fb8", "#e07b16", "#1e8e4e", "#8e44ad", "#c8323c", "#17a2a2", "#7
 
 
 def comparison_plots(comparison: RunComparison) -> Iterator[Plot]:
-    """Yield the plots. A plot, or a run in a plot, is left out without data."""
+    """Yield the plots. A plot without data is left out; a plot leaves out a run without data."""
     displaced = [log for log in comparison.logs if _has(log, "displacement_mm")]
     if displaced:
         yield _displacement(comparison)
@@ -76,12 +76,12 @@ def _plane(comparison: RunComparison) -> Plot:
         ax.plot(*path, color=colour, lw=0.8, alpha=0.8, label=name, rasterized=True)
     legend(ax)
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
-    caption = "Measured displacement over the temperature of the wire: the estimate, or else the measurement."
+    caption = "Measured displacement over the estimated wire temperature, or over the measured one without an estimate."
     return Plot("Temperature and displacement", figure, caption)
 
 
 def _coloured(comparison: RunComparison, ax: Axes, name: str) -> Iterator[tuple[Log, str]]:
-    """Draw a column of each run over time, in the colour of the run. Yield each run and its colour."""
+    """Draw the column `name` of each run over time, in the colour of the run. Yield each log and its colour."""
     for title, log, colour in zip(comparison.names, comparison.logs, COLOURS, strict=False):
         line(ax, log.column("time_s"), log.column_with_gaps(name), color=colour, lw=1.2, label=title)
         ax.set_ylabel(COLUMNS[name].axis_label)

@@ -22,7 +22,10 @@ CURVES = (
 
 
 def cycle_plot(cycles: Sequence[CycleMetrics], continued_after: int) -> Plot:
-    """Return the plot over the cycles. A dotted line after cycle `continued_after` marks the continuation."""
+    """Return the plot over the cycles.
+
+    A dotted line after cycle `continued_after` marks the continuation; 0 draws no line.
+    """
     number = np.array([one.cycle for one in cycles], np.float64)
     columns = {name: np.array([getattr(one, name) for one in cycles]) for _, curves in CURVES for name, *_ in curves}
     measured = {name for name, values in columns.items() if np.isfinite(values).any()}

@@ -11,11 +11,14 @@ from smadrive.runs.figures.log_plots import draw_branches
 from smadrive.runs.plots import COOLING, ESTIMATED, HEATING, RECORD, STYLE, PlotFigure, legend, line, panels
 
 DOTS = 700
-"""About the number of recorded samples that a plot of the loop shows."""
+"""A plot of the loop shows about this number of recorded samples."""
 
 
 def loop_figure(fit: AnyFit, axes: tuple[str, str]) -> PlotFigure:
-    """Draw the record and the model on the same input. `axes` names input and output with their units."""
+    """Return the figure of the record and of the model's output for the same input.
+
+    `axes` are the labels of input and output, with their units.
+    """
     with mpl.rc_context(STYLE):
         figure = PlotFigure(figsize=(9.0, 4.5), layout="constrained")
         ax = figure.subplots()
@@ -30,7 +33,7 @@ def loop_figure(fit: AnyFit, axes: tuple[str, str]) -> PlotFigure:
 
 
 def model_figure(model: HysteresisModel) -> PlotFigure:
-    """Draw the major loop of the model of a wire."""
+    """Return the figure of the major loop of a wire's model."""
     figure, (ax,) = panels((4.0,))
     draw_branches(ax, model)
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
@@ -39,7 +42,7 @@ def model_figure(model: HysteresisModel) -> PlotFigure:
 
 
 def residual_figure(fit: AnyFit, input_name: str) -> PlotFigure:
-    """Draw model minus record, along the record and over the input."""
+    """Return the figure of model minus record, in % of the output span, over the sample number and over the input."""
     percent = 100 * fit.residual / fit.output_span
     with mpl.rc_context(STYLE):
         figure = PlotFigure(figsize=(9.0, 3.2), layout="constrained")

@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 NOT_SCORED = "The approach (grey) brings the wire to the reference and is not scored."
 
 PLANE_POINTS = 6000
-"""The plot over temperature shows every n-th row: n is the number of rows divided by this, rounded down, at least 1."""
+"""The plot of displacement over temperature shows every n-th row of the log: n = max(1, rows // PLANE_POINTS)."""
 
 
 def log_plots(log: Log) -> Iterator[Plot]:

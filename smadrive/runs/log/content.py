@@ -138,7 +138,10 @@ def _raw_events(entry: h5py.Group) -> _RawEvents:
 
 
 def _verified_rows(columns: Columns, sums: Sums) -> Columns:
-    """Return the rows that have a checksum. DamageError when a checksum differs, or when too many are missing."""
+    """Return the rows that have a checksum.
+
+    DamageError when a checksum differs, or when more than `MOST_OPEN_ROWS` rows have none.
+    """
     rows = _written(sums, "rows")
     verified = _first_rows(columns, rows)
     block = np.column_stack([verified[name] for name in sorted(verified)])

@@ -1,7 +1,7 @@
 """The texts of events: a text that is longer than one event of the file continues in the next events.
 
-Events have a fixed length (layout.py), and remedies are sentences that must not be cut. Each part after the first one
-begins with `CONTINUED`, which no event of smadrive begins with.
+An event has a fixed length (layout.py), but a message with a remedy must not be cut. Each part after the first one
+begins with `CONTINUED`. No message of smadrive begins with this character.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ CONTINUED = "…"
 
 
 def parts_of(text: str, most_bytes: int) -> list[bytes]:
-    """Return the text as parts of at most `most_bytes` bytes, cut between characters."""
+    """Return the text in UTF-8, as parts of at most `most_bytes` bytes, cut between characters."""
     data, mark, parts = text.encode(), b"", []
     while len(mark) + len(data) > most_bytes:
         end = most_bytes - len(mark)

@@ -36,7 +36,7 @@ COPY_AGAIN = "copy the whole file again, or record it again; was the disk full, 
 CONVERT = "update smadrive, or copy the columns into a CSV with h5py (docs/records.md)"
 
 _CUT = re.compile(r"truncated file: eof = (?P<found>\d+),.* stored_eof = (?P<stored>\d+)")
-"""The message of HDF5 for a file that is shorter than its first block requires."""
+"""The message of HDF5 for a file that is shorter than its superblock states."""
 
 
 class RunEvent(NamedTuple):
@@ -124,7 +124,10 @@ class Log:
 
 
 def read_log(path: Path) -> Log:
-    """Return the log at `path`. DataError when it is missing, damaged, not a log, newer, or refers to other files."""
+    """Return the log at `path`.
+
+    DataError when the file is missing, damaged or not a log, refers to other files, or is from a later smadrive.
+    """
     check_kind(path, LOG)
     if not path.exists():
         raise DataError("no such file", where=path, cure=missing_file_cure(path))

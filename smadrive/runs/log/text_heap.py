@@ -21,8 +21,8 @@ MOST_BYTES = 1 << 26
 def heap_text(handle: int, offset: int | None) -> bytes:
     """Return the bytes of the text to which a dataset refers.
 
-    `handle` is the descriptor of the open file, `offset` the place of the dataset's value in the file. ValueError or
-    struct.error when the heap is damaged.
+    `handle` is the descriptor of the open file, `offset` the position of the dataset's value in the file, in bytes.
+    ValueError or struct.error when the heap is damaged.
     """
     if offset is None:
         raise ValueError("the file holds no bytes for a text")

@@ -109,7 +109,7 @@ class LogFile:
         return self._rows
 
     def append(self, block: NDArray[np.float64]) -> None:
-        """Append the rows of `block`, with the columns of the log in their order; the time is the first.
+        """Append the rows of `block`, whose columns are those of the log, in the same order. The first is the time.
 
         The time is written after the other columns, and the checksum after the time: a row with a checksum is complete.
         """

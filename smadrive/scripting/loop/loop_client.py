@@ -189,7 +189,11 @@ class LoopClient:
 
 
 def _explained(error: BaseException) -> BaseException:
-    """Return the error for the script: an interruption tells the state of the heater, and a busy line its user."""
+    """Return the error to raise in the script.
+
+    The message of a KeyboardInterrupt tells that the heater is off. The message of a BusyError tells that this script
+    uses the line.
+    """
     outcome = shutdown_of(error)
     if isinstance(error, KeyboardInterrupt) and outcome is not None and outcome.confirmed:
         error.args = (str(outcome),)

@@ -81,7 +81,7 @@ def _is_last(link: ScriptLink, rig: Rig) -> bool:
 
 
 def _is_of_controller(error: BaseException) -> bool:
-    """Return True if the code of the user raised `error`. The message of a ControllerError needs no traceback."""
+    """Return True if the user's code raised `error`; False for a ControllerError, which needs no traceback."""
     frames = (frame for frame, _ in walk_tb(error.__traceback__))
     is_below = any(frame.f_code is OwnController.update.__code__ for frame in frames)
     return is_below and not isinstance(error, ControllerError)
