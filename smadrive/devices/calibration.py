@@ -40,7 +40,10 @@ UNCORRECTED = Corrections()
 
 
 class SensorCalibration(Section):
-    """The common fields of both calibrations. Uncertainties are expanded (k = 2); an unknown uncertainty is None."""
+    """The common fields of the two calibrations: uncertainty of the scale, date (`on`), measured points (`evidence`).
+
+    Uncertainties are expanded (k = 2). An unknown uncertainty is None.
+    """
 
     scale_uncertainty: float | None = Field(default=None, ge=0)
     on: date

@@ -32,7 +32,7 @@ from smadrive.errors import ConfigError, DeadlineError, IdentityError, ProtocolE
 from smadrive.modbus import requests
 from smadrive.modbus.client import ModbusClient
 
-_REFUTED = -1  # takes the place of the proved connection after another device has answered
+_REFUTED = -1  # no connection has this number; `_proved_on` holds it after another device has answered
 
 
 class Device:
@@ -50,7 +50,7 @@ class Device:
         read_retries: int | None = None,
         identity: Identity = UNKNOWN,
     ) -> None:
-        """Send nothing yet. ConfigError when `unit_id` cannot belong to a single device."""
+        """Nothing is sent yet. ConfigError when `unit_id` cannot belong to a single device."""
         lowest, highest = (1, 247) if profile.profile.protocol == "modbus-rtu" else (0, 255)
         if unit_id is not None and not lowest <= unit_id <= highest:
             raise ConfigError(
@@ -114,7 +114,10 @@ class Device:
             self._write(self._registers.encode(name, value))
 
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, RegisterReading]:
-        """Write adjacent registers, then read adjacent registers, in one FC23 transaction, which is never retried."""
+        """Write adjacent registers, read adjacent registers, and return the readings by name.
+
+        This is one FC23 transaction, which is never retried.
+        """
         with self._doubt:
             self._prove_model()
             target, source = self._registers.plans.exchange(tuple(writes), tuple(reads))
@@ -126,9 +129,10 @@ class Device:
     def command(
         self, name: str, value: float, reads: Sequence[str], *, proved: bool = False
     ) -> dict[str, RegisterReading]:
-        """Read `reads`, which include `name`, then write `value` to `name` unless it holds this value already.
+        """Read `reads`, then write `value` to the register `name` unless it holds this value already.
 
-        The readings show the effect of the previous command. ReadBackError when `name` lost the previous value.
+        `reads` must include `name`. Return the readings by name; they show the effect of the previous command.
+        ReadBackError when the register does not hold the value of the previous command.
         """
         with self._doubt:
             return self._command(name, value, reads, proved=proved)
@@ -174,7 +178,7 @@ class Device:
             self.check_identity()
 
     def _write(self, write: RegisterWrite) -> None:
-        """Write the registers that the profile demands first, then `write`, and read it back."""
+        """Write the registers that `write_order` demands first, then carry out `write` and read it back."""
         name = write.name
         self._prove_identity()
         self._keep_order(name)
@@ -186,7 +190,7 @@ class Device:
             self._proved_on = None
 
     def _store(self, write: RegisterWrite) -> None:
-        """Send the write and read it back with a proved read."""
+        """Send the write, and read the register back with `proved=True` if it can be read."""
         self._commanded.pop(write.name, None)
         self._registers.send(write, self._proved_on)
         if write.register.access == "rw":

@@ -23,7 +23,7 @@ from smadrive.measurement import Measurement
 
 DERATE_C = 5.0
 AT_LIMIT = 1.0 - 1e-6
-"""A command above this fraction of the limit counts as limited: a controller that knows the limit never exceeds it."""
+"""A command above this fraction of the limit counts as limited: some controllers clamp their commands themselves."""
 _NOTHING = Sample(nan, 0.0)
 
 
@@ -31,9 +31,10 @@ class Heater:
     """A heat source with the sensors of its wire. Methods raise the errors of the devices.
 
     `thermometer` and `displacement` are sensors that replace the measurements of the source. `guard` is the guardian of
-    a source that has no watchdog of its own. `corrections` turn the readings of the sensors into values; every limit
-    applies to the corrected values. `from_source` names the quantities that are taken from the source, by default all
-    that it measures: an input without a sensor shows a value, too.
+    a source that has no watchdog of its own. `stop` ends `exchange` with StoppedError after a request to stop.
+    `corrections` turn the readings of the sensors into values; every limit applies to the corrected values.
+    `from_source` names the quantities to take from the source; None takes all that the source measures. Leave out a
+    quantity whose input has no sensor, because such an input shows a value, too.
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class Heater:
         corrections: Corrections = UNCORRECTED,
         from_source: frozenset[str] | None = None,
     ) -> None:
-        """Send nothing yet: call `connect()`. ConfigError when no device measures the temperature."""
+        """Nothing is sent before `connect`. ConfigError when no device measures the temperature."""
         self._from_source = source.measures if from_source is None else from_source
         if thermometer is None and "temperature" not in self._from_source:
             raise ConfigError(
@@ -78,7 +79,7 @@ class Heater:
         return 0.0 if self._thermometer is None else self._thermometer.period_s
 
     def connect(self) -> Measurement:
-        """Prove the identity of every device, write its safe state, and measure. Nothing is armed afterwards."""
+        """Prove the identity of every device, write its safe state, and return a measurement. Nothing is armed."""
         self.source.connect()
         for sensor in (self._thermometer, self._displacement):
             if sensor is not None:
@@ -113,8 +114,7 @@ class Heater:
         self.source.arm()
 
     def exchange(self, current_a: float) -> Measurement:
-        """Command `current_a`, clamped to the limits, and measure.
-
+        """Command `current_a`, clamped to the limits, and return the measurement.
         If the command is not finite, zero is sent and SafetyError is raised. After a wrong reply the temperature
         counts as unknown, so the next command is clamped to zero.
         """
@@ -140,7 +140,7 @@ class Heater:
         return measurement
 
     def disarm(self) -> Measurement:
-        """Enter the safe state and measure."""
+        """Enter the safe state, then return a measurement."""
         self.enter_safe_state()
         return self.exchange(0.0)
 
@@ -157,7 +157,10 @@ class Heater:
             self._switch_off_under(self._guard)
 
     def clear_faults(self) -> Measurement:
-        """Clear the latched faults; SafetyError names those that persist. Nothing is armed afterwards."""
+        """Clear the latched faults and return a measurement; SafetyError names the faults that persist.
+
+        The heater is in its safe state afterwards.
+        """
         self.enter_safe_state()
         self.source.clear_faults()
         measurement = self.exchange(0.0)

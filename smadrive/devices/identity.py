@@ -1,9 +1,9 @@
 """The identity of a device: the proof of its type, its model, and the registers that distinguish devices of this type.
 
 The identity consists of the registers that the profile names in `[[identify]]`, and of the registers that identify the
-variant. A register of `[[identify]]` must hold a raw value within its ranges; without ranges, the register holds a
-serial number. Registers that can be written do not belong to the identity, because their values can change. A device
-with another identity is another device, even at the same port.
+variant (a model of the family). A register of `[[identify]]` must hold a raw value within its ranges; without ranges,
+the register holds a serial number. Registers that can be written do not belong to the identity, because their values
+can change. A device with another identity is another device, even at the same port.
 """
 
 from __future__ import annotations
@@ -35,21 +35,22 @@ class TypeCheck(Enum):
 
 
 class IdentityDoubt:
-    """Doubt whether the same device still answers: an exchange that failed in a `with` block raises it.
+    """A context manager that sets `is_raised` after a failed exchange: another device may answer from now on.
 
-    Silence, an exception reply and a wrong read-back raise the doubt; a new proof of the identity ends it.
+    An exchange fails by silence, an exception reply or a wrong read-back. `Device` resets `is_raised` after a new proof
+    of the identity.
     """
 
     def __init__(self) -> None:
         self.is_raised = False
 
     def __enter__(self) -> None:
-        """Do nothing, because the end of the block decides."""
+        """Do nothing."""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Raise the doubt if an exchange has failed in the block."""
+        """Set `is_raised` if an exchange has failed in the block."""
         if isinstance(error, (DeadlineError, DeviceError)):
             self.is_raised = True
 
@@ -63,7 +64,7 @@ class DeviceType:
     check: TypeCheck
 
     def __str__(self) -> str:
-        """Return one line for the user. For a type that is not proved, it names the rig file as the source."""
+        """Return one line for the user. For a type that is not proved, the line names the rig file as the source."""
         name = f"{self.profile} ({self.vendor})"
         return name if self.check is TypeCheck.PROVED else f"{name}, by the rig file: {self.check.value}"
 
@@ -93,11 +94,11 @@ class IdentityCheck:
         self.registers = names or family.measured[:1]
         """Registers to read.
 
-        If none proves the type, a measured register is read: then the device must at least answer.
+        If the profile names no register for this, the first measured register is read: the device must at least answer.
         """
 
     def judge(self, readings: Mapping[str, RegisterReading], expected: Identity) -> ProvedModel:
-        """Return the model with these readings; IdentityError for another type or another device than `expected`."""
+        """Return the model that the readings prove; IdentityError for another type, or for a device not `expected`."""
         family = self._family
         check_type(family.identify, readings, family.profile.id, self._where)
         identity = identity_of(family, readings)
@@ -111,7 +112,7 @@ class IdentityCheck:
 def check_type(
     proofs: Iterable[IdentityRegister], readings: Mapping[str, RegisterReading], profile_id: str, where: str
 ) -> None:
-    """Raise IdentityError if a reading lies outside the ranges of the type."""
+    """Raise IdentityError if a register of `proofs` reads a raw value outside its ranges."""
     for proof in proofs:
         raw = readings[proof.register_].raw
         if proof.ranges and not any(first <= raw <= last for first, last in proof.ranges):

@@ -28,7 +28,8 @@ def units_to_ask(
 ) -> list[int]:
     """Return the units that replied. If some received bytes are not a whole reply, return all units.
 
-    `patience_s` is the longest response time of a device. `ask(unit_id)` is called before each request.
+    `requests` holds one request for each round, and every unit gets this request. `patience_s` is the longest response
+    time of a device. `ask(unit_id)` is called before each request.
     """
     transport.discard()
     heard: list[bytes] = []
@@ -57,5 +58,5 @@ def _received(transport: Transport, wait_s: float) -> bytes:
 
 
 def _wire_s(transport: Transport, size: int) -> float:
-    """Return the time in s that `size` characters take on the wire; 0 without a baud rate."""
+    """Return the time in s that `size` characters take on the line; 0 without a baud rate."""
     return 11 * size / transport.baudrate if transport.baudrate else 0.0

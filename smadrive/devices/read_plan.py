@@ -1,8 +1,9 @@
 """The requests that read a set of registers, and the readings in their replies.
 
 One request reads as many neighbouring registers as the device allows, also across registers that are not needed: one
-more request costs more time than a few more words. A block is always read whole and by itself, so that its values
-belong to the same moment. If the meaning of a register depends on other registers, they are read with it.
+more request costs more time than a few more words. Registers with the same `block` in the profile are always read
+together and without others, so that their values belong to the same moment. If the meaning of a register depends on
+other registers, these are read, too.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _Names = tuple[str, ...]
 
 
 class RegisterSlice(NamedTuple):
-    """One register of a RegisterSpan. `place` is the position of the register in the words of the span."""
+    """One register of a RegisterSpan. `place` is the slice of the span's words that belongs to the register."""
 
     name: str
     register: Register
@@ -34,7 +35,10 @@ class RegisterSlice(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RegisterSpan:
-    """Adjacent registers that one request reads or writes."""
+    """Adjacent addresses that one request reads or writes, and the registers in them (`parts`).
+
+    `has_dependents` is True if the meaning of one of these registers depends on another register.
+    """
 
     table: str
     address: int
@@ -43,7 +47,7 @@ class RegisterSpan:
     has_dependents: bool
 
     def words(self, payload: bytes) -> tuple[int, ...]:
-        """Return the words in the payload of the reply."""
+        """Return the 16-bit words in the payload of the reply; a coil or discrete input is one word, 0 or 1."""
         return words_of(self.table, payload, self.count)
 
     def read_request(self, function_codes: Sequence[int]) -> Request:
@@ -52,7 +56,7 @@ class RegisterSpan:
 
 
 class RequestPlans:
-    """Computes the spans that a device of `profile` needs for a set of registers, once for each set."""
+    """Computes the spans that requests to a device of `profile` need, and keeps them for each set of registers."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -160,7 +164,10 @@ def _loose_addresses(profile: Profile) -> set[tuple[str, int]]:
 
 
 def _belongs(register: Register, first: Register, last: Register, most: int, loose: set[tuple[str, int]]) -> bool:
-    """Return True if the request that reads `first` to `last` can also read `register`."""
+    """Return True if the request that reads `first` to `last` can also read `register`.
+
+    `most` is the largest number of addresses in a request. The request may read across the addresses `loose`.
+    """
     if last.table != register.table or last.block != register.block:
         return False
     between = range(last.addresses.stop, register.address)

@@ -45,7 +45,7 @@ class RegisterAccess:
         self._timing = timing
 
     def use(self, profile: Profile) -> None:
-        """Use the registers of `profile`, the profile of the proved model."""
+        """Use the registers of `profile` from now on. It is the profile of the proved model."""
         if profile.registers is not self.profile.registers:
             self.profile = profile
             self.plans = RequestPlans(profile)
@@ -85,7 +85,7 @@ class RegisterAccess:
         return RegisterWrite(name, register, context, register.codec.encode(value, name, context))
 
     def send(self, write: RegisterWrite, connection: int | None) -> None:
-        """Send the write on this connection. An ExceptionReply names the register and the value."""
+        """Send the write on the connection with this number; None allows any. An ExceptionReply names the register."""
         try:
             self.execute(self._request(write), connection)
         except ExceptionReply as error:

@@ -38,9 +38,10 @@ PATIENCE_MS = 500.0
 
 @dataclass(frozen=True)
 class FoundDevice:
-    """A device that answered, with its proved and possible profiles.
+    """A device that answered, with the ids of its proved and its possible profiles.
 
-    `unit_id` is None for a device without Modbus, which is the only device on its line.
+    `unit_id` is None for a device without Modbus, which is the only device on its line. `line` holds the serial
+    settings at which the device answered; None if the URL sets them or leads over a network.
     """
 
     unit_id: int | None
@@ -54,8 +55,9 @@ def scan(
 ) -> Iterator[FoundDevice]:
     """Yield the devices that answer at `url`. `ask(line, unit_id)` is called before a unit is asked.
 
-    A serial URL without a baud rate is tried with the line settings of all profiles. BusyError when another smadrive
-    process uses the port.
+    The text `line` names the serial settings, such as `9600 8N1`; it is empty if the scan does not set them. A serial
+    URL without a baud rate is tried with the settings of all profiles. BusyError when another smadrive process uses the
+    port.
     """
     with lock_line(port_of(url), Role.DRIVER) if url.startswith("serial:") else nullcontext():
         yield from _scan(url, unit_ids, profiles, ask)
@@ -117,7 +119,7 @@ def _text(line: SerialSettings | None) -> str:
 
 
 def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSettings | None) -> Iterator[str]:
-    """Yield the profiles of devices without Modbus that answer on this line with these settings."""
+    """Yield the ids of those `profiles` (without Modbus) whose device answers at the serial settings `line`."""
     for profile in profiles:
         if line in (None, profile.serial_settings()):
             with suppress(TransportError, ProtocolError, DeviceError):
@@ -128,7 +130,7 @@ def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSetti
 def _identified(
     client: ModbusClient, unit_id: int, profiles: Iterable[Profile]
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Return the proved and the possible profiles of `unit_id`; return None when the unit does not answer."""
+    """Return the ids of the proved and of the possible profiles of `unit_id`; None when the unit does not answer."""
     matching: dict[bool, list[str]] = {True: [], False: []}
     silent, answered = 0, False
     for profile in profiles:
@@ -152,7 +154,11 @@ def _identified(
 
 
 def _is_one(device: Device) -> bool:
-    """Check the identity. Return True if it proves the profile, or else if all measured values are valid."""
+    """Check the identity, and return True if the device fits its profile.
+
+    It fits if registers prove the type, or if they cannot and all measured values are valid. IdentityError for another
+    type.
+    """
     device.check_identity()
     names = device.profile.measured
     return device.profile.proves_type or all(reading.invalid is None for reading in device.read(names).values())

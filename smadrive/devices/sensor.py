@@ -1,8 +1,7 @@
-"""A measuring device besides the heater. It has its own period and bus, and each of its readings has its own time.
+"""A sensor on a device of its own, besides the heater. It has its own period, and each reading has its own time.
 
 After a failed reading the previous reading is used until it is older than `stale_s`; then the value is invalid. This
-holds for every failure of the sensor, also for an exception reply, so that the heater's measurement is not lost with
-it.
+holds for every failure of the sensor, also for an exception reply. So the measurement of the heater is not lost.
 """
 
 from __future__ import annotations
@@ -31,12 +30,15 @@ class PolledSensor:
         self._failure: SmadriveError | None = None
 
     def connect(self) -> None:
-        """Prove the identity of the device, then write its safe state: a temperature controller could heat."""
+        """Prove the identity of the device, then write its safe state, because a temperature controller could heat."""
         self._device.check_identity()
         self._device.enter_safe_state()
 
     def sample(self) -> Sample:
-        """Return the latest sample. Read the device first if its period has passed."""
+        """Return the latest sample; it is NaN with a reason if it is older than `stale_s`.
+
+        Read the device first if its period has passed.
+        """
         now_s = self._clock.now_s()
         if now_s >= self._due_s:
             self._due_s = max(self._due_s, now_s - self.period_s) + self.period_s

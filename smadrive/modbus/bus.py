@@ -12,7 +12,7 @@ Trace = Callable[[float, Direction, bytes], None]
 
 
 class GuardedTrace:
-    """Gives frames to a trace. A trace that fails (full disk) gets no more frames, and the traffic continues."""
+    """Passes frames to a trace. After an error of the trace (full disk), it gets no more frames; the bus goes on."""
 
     def __init__(self, trace: Trace | None) -> None:
         self._trace = trace
@@ -34,7 +34,7 @@ class GuardedTrace:
 
 
 NEVER_SILENT_S = 2.0
-"""If bytes arrive without a pause for this time in seconds, another client uses the bus."""
+"""If bytes arrive without a pause for longer than this time in seconds, another client uses the bus."""
 
 EXCEPTIONS = {
     1: "illegal function",

@@ -1,4 +1,4 @@
-"""The line of one bus. It opens a lost connection, keeps the pauses, sends a request, and reads until the deadline.
+"""The line of one bus. It reopens a lost connection, keeps the pauses, sends requests, and reads until the deadline.
 
 Before a request that expects a reply, the bytes that have arrived are discarded and counted, because they belong to no
 request. On RTU, a quarantine follows each failure: nothing is sent until the bus has been silent for one response
@@ -135,7 +135,7 @@ class BusLine:
         self.trace(now_s, "sent", frame)
 
     def _end_exchange(self, transaction: Transaction) -> None:
-        """Trace the reply, and note when bus and unit are free again. Close a stream whose last frame is incomplete."""
+        """Trace the reply, record when bus and unit are free, and close a TCP stream after an incomplete frame."""
         unit_id, request, timing = transaction
         if self._received:
             self.trace(self._received_s, "received", self._received)
@@ -166,7 +166,7 @@ class BusLine:
         return timing.response_timeout_s + self._transport.latency_s
 
     def _quarantine(self, timing: BusTiming, silent_since_s: float) -> None:
-        """Discard bytes until the bus has been silent for one response timeout; TransportError if it never is."""
+        """Discard bytes until the bus has been silent for one response timeout; TransportError if bytes keep coming."""
         self.counters.quarantines += 1
         quiet_s = max(self._patience_s(timing), self._silence_s)
         give_up_s = self.clock.now_s() + NEVER_SILENT_S + quiet_s

@@ -1,11 +1,11 @@
-"""The one client of a bus: one request, one reply, an absolute deadline.
+"""The only client of a bus. It sends one request at a time, and waits for its reply until an absolute deadline.
 
-The line (bus_line.py) sends and receives, the protocol (protocol.py) judges what arrived. The client decides which
-requests are sent. If a late reply could be taken for the answer, the client sends a probe first: a read whose reply
-looks different. A device answers in order, so no older reply can follow the reply to the probe.
+The line (bus_line.py) sends and receives, the protocol (protocol.py) judges the bytes that arrived. The client decides
+which requests are sent. If a late reply could be taken for the answer, the client sends a probe first: a read whose
+reply looks different. A device answers in order, so no older reply can follow the reply to the probe.
 
 The client retries reads after a missed deadline or a wrong reply. It never retries writes: the caller reads the value
-back, then decides.
+back, and decides if it writes again.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class ModbusClient:
     """Sends requests to the devices of one bus, one at a time; threads wait for each other."""
 
     def __init__(self, transport: Transport, trace: Trace | None = None) -> None:
-        """No other client may use `transport`. `trace(time_s, direction, bytes)` is called as bus.py describes."""
+        """No other client may use `transport`. bus.py describes the calls of `trace(time_s, direction, bytes)`."""
         self.transport = transport
         self.clock = transport.clock
         self._protocol = ClientProtocol(transport.framing)
@@ -88,7 +88,7 @@ class ModbusClient:
             self._line.send_unconfirmed(Transaction(unit_id, request, timing))
 
     def distrust(self) -> None:
-        """Treat the last reply as an older one, as its content shows. The right reply may still arrive."""
+        """Record that the last reply answered an older request, as its content shows. The right one may still come."""
         self._protocol.distrust(self.clock.now_s())
 
     def _execute_once(self, transaction: Transaction, connection: int | None, *, proved: bool) -> bytes:
@@ -124,7 +124,10 @@ class ModbusClient:
         return failure(outcome, self._where(transaction.unit_id, transaction.request))
 
     def _probe(self, transaction: Transaction) -> None:
-        """Send up to `PROBES` probes until no older reply can be taken for the answer; else raise the last error."""
+        """Send up to `PROBES` probes, until no older reply can be taken for the answer.
+
+        If that cannot be reached, raise the last error.
+        """
         unit_id, request, timing = transaction
         reason: SmadriveError = ProtocolError(
             "not sent, because a late reply to an earlier request could be taken for the answer",

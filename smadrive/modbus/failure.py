@@ -17,7 +17,7 @@ COUNTED = {
     Verdict.MALFORMED: ("wrong_replies",),
     Verdict.DAMAGED: ("crc_errors",),
 }
-"""The fields of BusCounters that a failure increments."""
+"""The fields of BusCounters that a failure increments, by its verdict."""
 
 _OTHER_CLIENT = "check that no other program uses this line"
 _WRONG = {

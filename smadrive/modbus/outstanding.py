@@ -37,7 +37,7 @@ class Outstanding:
         self._until_s: dict[Kind, float] = {}
 
     def __bool__(self) -> bool:
-        """Return True if a kind of frame is listed, even if its time has passed."""
+        """Return True if at least one kind of frame is recorded, even if its time has passed."""
         return bool(self._until_s)
 
     def add(self, kind: Kind, now_s: float) -> None:

@@ -20,7 +20,7 @@ def of_request(pdu: bytes) -> str:
 
 
 def of_reply(pdu: bytes, request: bytes) -> str:
-    """Return a reply to `request` as text: its values, its exception, or `done` for a write."""
+    """Return the reply `pdu` to `request` as text: its values, its exception, or `done` for a write."""
     if not pdu:
         return "nothing"
     if len(pdu) == 2 and pdu[0] & 0x80:

@@ -3,8 +3,8 @@
 A frame is outstanding if it may still arrive although the client no longer waits for it. Only its kind (see
 outstanding.py) distinguishes a frame from other frames.
 
-A probe is a read whose reply differs in kind from every outstanding frame. The answer to a probe proves that the unit
-has dealt with its older requests.
+A probe is a read whose reply differs in kind from every outstanding frame. The answer to a probe proves that no reply
+to an older request of this unit can arrive any more.
 
 A sync is a read whose kind of answer has not arrived lately, so the answer cannot be a copy of an older reply. The unit
 answers in order, so no older reply can arrive after the answer to a sync. The next reply therefore belongs to the next
@@ -27,7 +27,7 @@ NEVER = -FRESH - 1
 
 
 class Probes:
-    """Chooses probes and syncs from the frames that have arrived on a connection, and from the `outstanding` frames."""
+    """Chooses probes and syncs for one connection, from the frames that have arrived and the `outstanding` frames."""
 
     def __init__(self, outstanding: Outstanding) -> None:
         self._outstanding = outstanding
@@ -53,7 +53,7 @@ class Probes:
         self._arrived[exception_kind(unit_id, request)] = self._arrivals
 
     def has_answered(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Return True if a read that the unit has answered, or the first part of such a read, can serve as a probe."""
+        """Return True if a read that the unit has answered, or the same read of fewer addresses, can be a probe."""
         return next(self._clean(unit_id, request, self._answered_reads(unit_id), now_s), None) is not None
 
     def probe_request(self, unit_id: int, request: Request, attempt: int, now_s: float) -> Request | None:
@@ -81,16 +81,15 @@ class Probes:
         return min([*answered, *tries], key=lambda one: self._last_arrival(unit_id, one), default=request)
 
     def answered_sync_request(self, unit_id: int, request: Request, now_s: float) -> Request | None:
-        """Return a sync for `request` among the reads that the unit has answered, and the first parts of these reads.
-
+        """Return a sync for `request`: a read that the unit has answered, or the same read of fewer addresses.
         A unit may ignore other reads. Return the read whose kind of answer arrived longest ago; return None if the
-        unit has answered no read whose answer differs in kind from the answer to `request`.
+        answer to none of these reads differs in kind from the answer to `request` and from every outstanding frame.
         """
         answered = self._clean(unit_id, request, self._answered_reads(unit_id), now_s)
         return min(answered, key=lambda one: self._last_arrival(unit_id, one), default=None)
 
     def stays_silent(self, unit_id: int, request: Request) -> bool:
-        """Record that this sync was not answered. Return True if the unit never answered this function and address."""
+        """Record that this sync got no answer. Return True if no read of its function and address was ever answered."""
         self._silent.add(reply_kind(unit_id, request))
         return not any(request.pdu[:3] == one.pdu[:3] for kind, one in self._answered.items() if kind[0] == unit_id)
 
@@ -99,7 +98,7 @@ class Probes:
         return now_s < self._arrived_s.get(reply_kind(unit_id, request), -inf) + LATEST_REPLY_S
 
     def _last_arrival(self, unit_id: int, one: Request) -> int:
-        """Return the number of the last frame that was a reply or an exception to this read; `NEVER` without one."""
+        """Return the number of the last frame that was a reply or an exception to the read `one`, or `NEVER`."""
         kinds = reply_kind(unit_id, one), exception_kind(unit_id, one)
         return max(self._arrived.get(kind, NEVER) for kind in kinds)
 
@@ -107,7 +106,7 @@ class Probes:
         return reply_kind(unit_id, one) not in self._silent
 
     def _clean(self, unit_id: int, request: Request, tries: Iterable[Request], now_s: float) -> Iterator[Request]:
-        """Return the reads whose replies differ from every outstanding frame and from the reply to `request`."""
+        """Return the `tries` whose replies differ in kind from all outstanding frames and the reply to `request`."""
         own = reply_kind(unit_id, request)
         kinds = ((one, reply_kind(unit_id, one)) for one in tries)
         return (one for one, kind in kinds if kind != own and not self._outstanding.holds(kind, now_s))

@@ -1,6 +1,6 @@
-"""The client's side of Modbus without I/O: it takes a request and the bytes that arrive, and returns a verdict.
+"""The client's side of Modbus without I/O: it takes a request and the bytes that arrive, and returns an outcome.
 
-verdict.py holds the rules.
+verdict.py holds the rules of the verdicts.
 
 Two faults cannot be recognised from one frame. On RTU, a second copy of an earlier reply may arrive after the next
 request of the same kind, and looks like the answer to this request. On any connection, a gateway may answer with the
@@ -52,7 +52,7 @@ class ClientProtocol:
         self._become(ConnectionEvent.NEW_CONNECTION)
 
     def stray(self, data: bytes) -> None:
-        """Note that `data` arrived although no request is waiting for a reply, so `data` answers nothing."""
+        """Note that `data` arrived although no request waits for a reply. These bytes are no answer."""
         self._framing.skip(data)
         self._become(ConnectionEvent.STRAY)
 
@@ -82,7 +82,7 @@ class ClientProtocol:
         return self._framing.request(unit_id, request.pdu)
 
     def receive(self, data: bytes, now_s: float) -> Outcome | None:
-        """Return the outcome as soon as `data` decides it; return None while the reply is incomplete."""
+        """Take the received `data`. Return the outcome as soon as it is decided; None while the reply is incomplete."""
         try:
             self._reply = self._framing.reply(data)
         except ProtocolError:

@@ -1,4 +1,4 @@
-"""Modbus requests. Each request knows the shape of its right reply.
+"""Modbus requests. Each request contains the head and the size of its right reply.
 
 A right reply begins with bytes that are known before the request is sent: function and byte count of a read, or the
 echo of a write. Its length is known, too. So a request consists of its PDU, and of the head and the size of the right
@@ -140,7 +140,7 @@ _READS = {1: read_coils, 2: read_discrete, 3: read_holding, 4: read_input}
 
 
 def packed_bits(states: Sequence[int]) -> bytes:
-    """Pack `states` into bytes and return these. The first state is the lowest bit of the first byte."""
+    """Return `states` packed into bytes, 8 in each byte. The first state is the lowest bit of the first byte."""
     return sum(1 << bit for bit, on in enumerate(states) if on).to_bytes((len(states) + 7) // 8, "little")
 
 

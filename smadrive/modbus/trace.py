@@ -6,8 +6,8 @@
         0.203120 < 01 03 04 53 4D 00 01 ... | unit 1: 21325 1
 
 Each frame is one line. A reply that came in pieces is one line, at the time of its last piece. If no reply follows a
-request, the request was not answered. A board that speaks text gives a trace of its lines, which cannot be served
-again.
+request, the request was not answered. A board that speaks text gives a trace of its lines of text, which `--replay`
+cannot serve.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _DIRECTIONS = {mark: direction for direction, mark in _MARKS.items()}
 
 
 class TraceLine(NamedTuple):
-    """One line of a trace."""
+    """One line of a trace: time in seconds since the trace began, direction, and bytes of the frame."""
 
     time_s: float
     direction: Direction
@@ -71,7 +71,7 @@ class TraceFile:
             raise _unwritable(path, error) from None
 
     def __call__(self, time_s: float, direction: Direction, data: bytes) -> None:
-        """Write one frame."""
+        """Write one frame with its meaning. `time_s` is a time of the transport's clock."""
         if self._ended is not None:
             return
         meaning = self._meaning(direction, data)

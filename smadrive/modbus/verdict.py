@@ -16,8 +16,8 @@ outstanding.py):
 The consequences of a verdict (`CONSEQUENCES`): after ANSWERED no frame of this unit is outstanding. After a failure the
 reply and an exception may still arrive. After an exception the reply may still arrive, too: a busy device or a gateway
 may answer later (DEFERRED), and a second copy of an older exception looks like the present exception. So the reply
-stays outstanding, and is never taken for the answer to the next request. A final exception (REFUSED) proves that the
-device has dealt with its older requests.
+stays outstanding, and is never taken for the answer to the next request. After a final exception (REFUSED) no reply to
+an older request can arrive any more.
 
 The states of the connection (`TRANSITIONS`):
 
@@ -73,7 +73,7 @@ class ConnectionEvent(Enum):
 class Consequence(NamedTuple):
     """The consequence of a verdict.
 
-    proves               the unit has dealt with its older requests: no reply to them can follow
+    proves               no reply to an older request of this unit can follow
     reply_remains        the reply to the request may still arrive
     exception_remains    an exception to the request may still arrive
     event                the event that changes the state of the connection
@@ -129,7 +129,12 @@ incomplete frame, and READY otherwise."""
 
 
 class Outcome(NamedTuple):
-    """A verdict, the payload of the right reply or the bytes of a wrong reply, and the code of an exception or 0."""
+    """The outcome of a request.
+
+    verdict    the verdict on the bytes that arrived
+    data       the payload of the right reply (ANSWERED), otherwise the bytes that arrived
+    code       the code of an exception; 0 for every other frame
+    """
 
     verdict: Verdict
     data: bytes = b""

@@ -1,4 +1,4 @@
-"""Debouncing: a condition that noise can cause is real only when several samples show it."""
+"""Debouncing: a condition that noise can cause counts only when several of the latest samples show it."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 
 @dataclass(slots=True)
 class Debounce:
-    """Decides if a condition is real: at least `needed` of the last `window` samples were bad."""
+    """Debounces one condition. It counts when at least `needed` of the last `window` samples showed it."""
 
     needed: int
     window: int
     _recent: deque[bool] = field(init=False)
 
     def __post_init__(self) -> None:
-        """Begin with no sample."""
+        """Start without samples."""
         self._recent = deque(maxlen=self.window)
 
     def update(self, bad: bool) -> bool:
-        """Add one sample, and return True if at least `needed` of the last `window` samples were bad."""
+        """Add one sample; `bad` is True if it shows the condition. Return True if the condition counts."""
         if not (bad or self._recent):
             return False
         self._recent.append(bad)

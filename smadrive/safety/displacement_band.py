@@ -4,8 +4,8 @@
 
 δ allows for a bead that is colder or warmer than the wire, m for a wire that has aged since its identification. The
 check finds a sensor that is stuck, has a wrong unit or has lost its zero, and a wire that is blocked or slack. In these
-cases the displacement leaves the band as soon as the temperature passes through the loop. Without this check the driver
-could heat up to its limits.
+cases the displacement leaves the band as soon as the temperature passes through the hysteresis loop. Without this check
+the driver could heat up to its limits.
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
 
 UNSURE_C = 10.0
-"""δ: the largest difference between the temperature of the wire and the reading, K."""
+"""δ: the largest difference between the temperature of the wire and the reading of the thermocouple, K."""
 
 MARGIN = 0.1
-"""m: the largest distance of the displacement from the loop of the model, in strokes."""
+"""Largest distance m of the displacement from the hysteresis loop of the model, as a share of the stroke."""
 
 POINTS = 400
-"""Number of points of the table of each branch."""
+"""Number of points in the table of a branch."""
 
 
 class DisplacementBand:
@@ -44,11 +44,11 @@ class DisplacementBand:
         self._high = PiecewiseLinear(around_c, np.max(ends_mm, axis=0) + margin_mm)
 
     def band_mm(self, temperature_c: float) -> tuple[float, float]:
-        """Return the least and the greatest possible displacement at a reading of `temperature_c`."""
+        """Return the least and the greatest possible displacement in mm when the thermocouple reads `temperature_c`."""
         return self._low.at(temperature_c), self._high.at(temperature_c)
 
     def outside(self, temperature_c: float, displacement_mm: float) -> str | None:
-        """Describe a displacement outside the band. Return None inside the band, or if a reading is missing."""
+        """Return a text that describes a displacement outside the band; None inside the band, or if a value is NaN."""
         if not (isfinite(temperature_c) and isfinite(displacement_mm)):
             return None
         low_mm, high_mm = self.band_mm(temperature_c)
@@ -57,6 +57,6 @@ class DisplacementBand:
         return f"{displacement_mm:.3f} mm measured, {low_mm:.2f} to {high_mm:.2f} mm possible at {temperature_c:.1f} °C"
 
     def nearest_mm(self, temperature_c: float, displacement_mm: float) -> float:
-        """Return the nearest displacement to `displacement_mm` between the branches of the model at `temperature_c`."""
+        """Return `displacement_mm`, clamped to the range between the branches of the model at `temperature_c`."""
         ends = [branch.at(temperature_c) for branch in self._branches]
         return min(max(displacement_mm, min(ends)), max(ends))

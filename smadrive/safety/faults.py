@@ -1,6 +1,6 @@
 """The faults that the driver detects, each with its number, cause and remedy.
 
-The number of a fault never changes, because logs keep it and users know it. A new fault gets a new number.
+The number of a fault never changes, because logs contain it and users know it. A new fault gets a new number.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from smadrive.errors import TripError
 
 
 class Fault(Enum):
-    """A fault: number, cause and remedy."""
+    """A fault that ends a run: number, cause and remedy."""
 
     OVER_TEMPERATURE = (
         1,
@@ -73,13 +73,13 @@ class Fault(Enum):
 
     COMMAND_REFUSED = (
         15,
-        "the device refused a command, or did not keep it",
+        "the device refused a command, or lost the commanded value",
         "is the panel of the device locked, or is the device in another mode?",
     )
 
     SENSOR_FROZEN = (
         16,
-        "the thermocouple's reading stands still although the heat has changed",
+        "the thermocouple's reading stands still although the wire's temperature must have changed",
         "restart the converter; check the bead and the plug",
     )
 
@@ -119,7 +119,11 @@ CLEAR = (
 
 @dataclass(frozen=True, slots=True)
 class Trip:
-    """A latched fault with the value that raised it, and the limit that the value violates if it is a single one."""
+    """A latched fault, raised at `time_s` on the clock of the driver.
+
+    `detail` is the measured value or the reason, as text. `limit` is the violated limit with its unit; None if the
+    fault has no single limit.
+    """
 
     fault: Fault
     time_s: float

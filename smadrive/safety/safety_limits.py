@@ -12,10 +12,11 @@ from smadrive.measurement import Measurement
 class SafetyLimits:
     """Limits of a run, from the rig file.
 
-    Within `settle_s` the heat source reaches a commanded current: the measured current must lie between the smallest
-    and the largest command of this time, ± `current_tolerance_a`. A displacement may be outside its band for
-    `misplaced_for_s`, because the thermocouple lags. For `tracking_for_s` the displacement may be unknown, or differ
-    from the setpoint by more than `tracking_max_mm`.
+    The longest time between two measurements is `stale_after_s`. The heat source needs up to `settle_s` to reach a
+    commanded current: the measured current must lie between the smallest and the largest command of the last
+    `settle_s`, ± `current_tolerance_a`. The displacement may be outside the band of the model for up to
+    `misplaced_for_s`, because the thermocouple lags. It may be unknown, or differ from the setpoint by more than
+    `tracking_max_mm`, for up to `tracking_for_s`.
     """
 
     temperature_max_c: float

@@ -1,9 +1,9 @@
 """Switching the heater off at the end of a run, and the outcome as a typed result.
 
-Every run is a block of `ends_safe`. The block switches the heater off at the end of the run, and after a trip, an
-exception of any type or a signal. Only `ABORTS_AT` signals end the tries early. No other event prevents the writing of
-the safe state or hides its outcome. `ShutdownOutcome` tells if read-back confirmed the heater off. The error that ended
-the run carries this outcome; `shutdown_of` returns it.
+Every run is a `with` block of `ends_safe`. The block switches the heater off at the end of the run, and after a trip,
+an exception of any type or a signal. Signal number `ABORTS_AT` ends the tries early. No other event prevents the
+writing of the safe state or hides its outcome. `ShutdownOutcome` tells if read-back confirmed the heater off. The error
+that ended the run carries this outcome; `shutdown_of` returns it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class ShutdownOutcome:
     """The outcome of switching off.
 
     failure     the error of the last try; None when read-back confirmed the heater off
-    signals     the signals during the switching off; they are only counted, and `ABORTS_AT` of them end the tries
+    signals     the signals that arrived during the switching off; number `ABORTS_AT` ends the tries
     ended_run   True after a run that may have heated; the user then reads the outcome even if it is confirmed
     """
 
@@ -42,7 +42,7 @@ class ShutdownOutcome:
 
     @property
     def aborted(self) -> bool:
-        """True if the tries ended because `ABORTS_AT` signals arrived."""
+        """True if the tries ended unconfirmed because `ABORTS_AT` signals arrived."""
         return not self.confirmed and len(self.signals) >= ABORTS_AT
 
     def __str__(self) -> str:
@@ -64,7 +64,7 @@ NOT_TRIED = ShutdownOutcome(RuntimeError("switching off was not tried"))
 def shut_down(
     enter_safe_state: Callable[[], object], before: ShutdownOutcome = NOT_TRIED, *, is_run: bool = False
 ) -> ShutdownOutcome:
-    """Switch off by `enter_safe_state`, with signals held back. Return the outcome, whose `failure` is any error.
+    """Switch off by `enter_safe_state`, with signals held back. Return the outcome, and any error as its `failure`.
 
     `before` is the outcome of an earlier try, whose signals count too. `is_run` is True for a run that may have heated.
     """
@@ -122,5 +122,5 @@ def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -
 
 
 def _note(error: BaseException, outcome: ShutdownOutcome) -> str:
-    """Return the sentence of an unconfirmed outcome. If `error` itself is the reason, its message is left out."""
+    """Return the note for an unconfirmed outcome. If `error` is the failure itself, the note omits its message."""
     return f"{UNCONFIRMED}: {CUT}" if outcome.failure is error and not outcome.aborted else str(outcome)

@@ -95,7 +95,8 @@ class Supervisor:
         """Raise SafetyError when heating must not begin; call this only while the wire is at rest.
 
         The reasons: a latched fault of the device, a temperature that is invalid or outside its limits, a current that
-        is unknown or flows without a command, a displacement outside its band.
+        is unknown or flows without a command, a displacement outside its band. Without a reason, the temperature band
+        starts at the measured temperature.
         """
         if measurement.device_faults:
             latched = ", ".join(measurement.device_faults)
@@ -168,7 +169,7 @@ class Supervisor:
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
         if self._frozen.update(band.unseen_c > FROZEN_C):
-            detail = f"{reading_c:.2f} °C, while the temperature changed by at least {band.unseen_c:.0f} K"
+            detail = f"{reading_c:.2f} °C, while the wire's temperature changed by at least {band.unseen_c:.0f} K"
             self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
         if self._implausible.update(not band.low_c <= reading_c <= band.high_c):
             fault = Fault.READS_TOO_COLD if reading_c < band.low_c else Fault.READS_TOO_HOT
@@ -222,7 +223,10 @@ def _too_far(fault: Fault, temperature_c: float, key: str, limit_c: float) -> Sa
 
 
 def _is_excused(measurement: Measurement, commanded_a: float) -> bool:
-    """Return True if a limit of the device explains the low current. A voltage limit explains a loss of up to half."""
+    """Return True if a limit of the device explains a current below `commanded_a`.
+
+    A voltage limit explains a current above half of `commanded_a`.
+    """
     if measurement.device_limits == ("voltage",):
         return measurement.current_a > 0.5 * commanded_a
     return bool(measurement.device_limits)

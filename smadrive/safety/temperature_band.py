@@ -7,14 +7,16 @@ hottest possible wire does the opposite:
     coldest: C = u_c (m c + Q / span) while it warms, m c / u_c while it cools;  h A · u_h;  colder surroundings
     hottest: C = m c / u_c while it warms, u_c (m c + Q / span) while it cools;  h A / u_h;  warmer surroundings
 
-u_c and u_h are the uncertainties of capacity and loss, and span is `TRANSFORMATION_C`. The reading must lie between the
-two temperatures; the lag of the thermocouple is applied to each of them only where this widens the band. The reading
-leaves the band if the bead falls off, if the thermocouple is reversed, or if heat flows in that is not measured.
+C is the heat capacity that each balance uses. m c, Q and h A are the heat capacity, the latent heat and the heat loss
+of the nominal heat balance, u_c and u_h the uncertainties of capacity and loss, and span is `TRANSFORMATION_C`. The
+reading must lie between the two temperatures, ± `MARGIN_C`; the lag of the thermocouple is applied to each of them only
+where this widens the band. The reading leaves the band if the bead falls off, if the thermocouple is reversed, or if
+the wire receives heat that is not measured.
 
 A frozen reading, which does not change even in its last digit, is detected sooner, from the power since its last
 change:
 
-    C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire, P₀ the power when the reading last changed
+    C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire, P the power, P₀ the power at the last change
 
 Δ is the temperature change of the wire since the last change of the reading. Errors of the heat balance cancel, because
 they are the same at both times. A large Δ with a constant reading is a fault.
@@ -55,22 +57,22 @@ UNCERTAINTIES = {BalanceSource.DATA_SHEET: NOMINAL, BalanceSource.IDENTIFIED: ID
 
 
 class Band(NamedTuple):
-    """The limits of reading and wire temperature that follow from the heat input."""
+    """The limits of the reading and of the wire's temperature that follow from the heat input."""
 
     low_c: float
-    """The least possible reading."""
+    """The least possible reading of the thermocouple, °C."""
     high_c: float
-    """The greatest possible reading."""
+    """The greatest possible reading of the thermocouple, °C."""
     coldest_c: float
-    """The least possible temperature of the wire itself."""
+    """The least possible temperature of the wire itself, °C."""
     unseen_c: float
     """The least possible temperature change of the wire since the reading last changed, K."""
 
 
 class TemperatureBand:
-    """The temperatures that are possible, as described at the head of this file.
+    """Computes the range of possible temperatures from the heat input, as described at the head of this file.
 
-    `balance` is the heat balance with its `uncertainty`; the thermocouple lags by `lag_s`.
+    `balance` is the heat balance of the wire with its `uncertainty`; `lag_s` is the lag of the thermocouple.
     """
 
     def __init__(self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float) -> None:
@@ -118,7 +120,7 @@ class TemperatureBand:
 
 
 class _Wire:
-    """A wire with different heat capacities on warming and on cooling."""
+    """The heat balance of a wire with different heat capacities on warming and on cooling, in J/K."""
 
     def __init__(self, loss_w_per_k: float, *, warming_j_per_k: float, cooling_j_per_k: float) -> None:
         self._loss_w_per_k = loss_w_per_k

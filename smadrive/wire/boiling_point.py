@@ -13,5 +13,5 @@ _A, _B, _C = 8.07131, 1730.63, 233.426
 
 
 def boiling_point_c(pressure_hpa: float) -> float:
-    """Return the boiling point of water in °C at `pressure_hpa`; accurate to 0.1 K between 500 and 1100 hPa."""
+    """Return the boiling point of water in °C at the air pressure `pressure_hpa`; within 0.1 K for 500 to 1100 hPa."""
     return _B / (_A - log10(pressure_hpa * _MMHG_PER_HPA)) - _C

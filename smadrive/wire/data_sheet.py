@@ -12,13 +12,13 @@ from smadrive.files.shipped import config_file
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 
 AGEING_C = 200.0
-"""Nickel-titanium ages permanently above this temperature. The file of a high-temperature alloy sets another value."""
+"""Above this temperature in °C nickel-titanium ages permanently. The wire file of another alloy sets its own limit."""
 
 
 class WireDataSheet(Section):
     """A wire as its data sheet describes it.
 
-    The wire withstands `temperature_max_c` permanently, and no rig may allow more. The default is `AGEING_C`.
+    The wire withstands `temperature_max_c` permanently, and no rig file may allow more. The default is `AGEING_C`.
 
     Each value has bounds that are far wider than usual wires need. So a value outside its bounds is probably in a wrong
     unit, such as metres instead of millimetres.
@@ -38,10 +38,7 @@ class WireDataSheet(Section):
     temperature_max_c: float = Field(default=AGEING_C, ge=30, le=350)
 
     def heat_balance(self) -> HeatBalance:
-        """Return the nominal heat balance.
-
-        The mass follows from the volume; heat is lost through the lateral surface.
-        """
+        """Return the nominal heat balance. The mass follows from the volume, the heat loss from the lateral surface."""
         diameter_m, length_m = 1e-3 * self.diameter_mm, 1e-3 * self.length_mm
         mass_kg = self.density_kg_per_m3 * 0.25 * pi * diameter_m**2 * length_m
         return HeatBalance(
@@ -57,7 +54,7 @@ class WireDataSheet(Section):
 
 
 def load_data_sheet(name: str) -> WireDataSheet:
-    """Load a wire file. `name` is a path that ends in .toml, or the name of a shipped file.
+    """Return the data sheet in a wire file. `name` is a path that ends in .toml, or the name of a shipped file.
 
     ConfigError for a missing or invalid file.
     """

@@ -1,12 +1,15 @@
 """Heat balance of the wire and its inverse.
 
-One lumped temperature T, austenite fraction w (the state of the hysteresis model, rising on heating):
+The whole wire has one temperature T, and one austenite fraction w, which rises from 0 to 1 on heating:
 
     m c · dT/dt = P - Q · dw/dt - h A (T - T_ambient)        P = I² R(w),  R(w) = R_cold (1 + r w),  Q = m L_h
 
+    m mass, c specific heat, L_h latent heat per mass, h A heat loss per kelvin, P power, I current, R resistance,
+    r relative change of the resistance between the cold and the transformed wire
+
 The wire absorbs the latent heat Q on heating and gives it back on cooling. In the middle of the transformation Q
 doubles the apparent heat capacity, so the feedforward needs Q. The sign of r differs between wires, so r is fitted.
-The thermocouple, a bead on the wire, follows with a first-order lag: lag · dT_tc/dt = T - T_tc.
+The thermocouple is a bead on the wire. Its reading T_tc follows with a first-order lag: lag · dT_tc/dt = T - T_tc.
 """
 
 from __future__ import annotations
@@ -73,16 +76,16 @@ class HeatBalance:
         return self.resistance_cold_ohm * (1.0 + self.resistance_change * phase)
 
     def step(self, temperature_c: float, power_w: float, phase_per_k: float, dt_s: float) -> float:
-        """Return the wire temperature after `dt_s` at constant `power_w`.
+        """Return the wire temperature in °C after `dt_s` at constant `power_w`.
 
-        This is exact for a constant slope dw/dT = `phase_per_k`.
+        This is exact for a constant slope of the austenite fraction, dw/dT = `phase_per_k`.
         """
         settled_c = self.ambient_c + power_w / self.loss_w_per_k
         capacity = self.heat_capacity_j_per_k + self.latent_heat_j * phase_per_k
         return settled_c + (temperature_c - settled_c) * exp(-dt_s * self.loss_w_per_k / capacity)
 
     def step_thermocouple(self, reading_c: float, wire_before_c: float, wire_after_c: float, dt_s: float) -> float:
-        """Return the reading of the thermocouple after `dt_s`.
+        """Return the reading of the thermocouple in °C after `dt_s`.
 
         This is exact if the wire temperature changes linearly from `wire_before_c` to `wire_after_c`.
         """
@@ -106,7 +109,7 @@ class HeatBalance:
         )
 
     def current_a(self, power_w: float, phase: float) -> float:
-        """Return the heater current that gives `power_w` at this austenite fraction; 0 for a negative power."""
+        """Return the current in A that gives `power_w` at the austenite fraction `phase`; 0 for a negative power."""
         return sqrt(max(power_w, 0.0) / self.resistance_ohm(phase))
 
 

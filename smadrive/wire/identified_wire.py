@@ -34,8 +34,8 @@ class IdentifiedWire:
     model          certified hysteresis model, from wire temperature in °C to displacement in mm
     heat_balance   heat balance; None if the record had only temperatures and displacements
     caveats        reasons to distrust the model, one sentence each
-    metrics        how well the model fits its record (rms_percent, max_percent)
-    source         the record from which it was identified
+    metrics        errors of the fit in % of the span (rms_percent, max_percent); empty if they are unknown
+    source         path of the record from which it was identified, or of the file from which it was loaded
     sections_c     sections of the record, as (turning point, end) in °C; empty if they are unknown
     """
 
@@ -78,7 +78,7 @@ class IdentifiedWire:
         return card(title, self.facts(), plot, self.caveats)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the wire's file, with the time of writing.
+        """Write the wire to a file, with the time of writing.
 
         ModelError for a model without a file format, DataError when the file cannot be written.
         """
@@ -110,12 +110,12 @@ class IdentifiedWire:
 
 
 def load_wire(path: str | os.PathLike[str]) -> IdentifiedWire:
-    """Load a wire from a file. ModelError for a malformed file, CertificateError for an uncertified model."""
+    """Return the wire in a file. ModelError for an unusable file, CertificateError for an uncertified model."""
     return parse_wire(read_model(Path(path)), str(path))
 
 
 def parse_wire(text: str, place: str) -> IdentifiedWire:
-    """Return the wire in the text of a file or of a log; errors name `place`. Raises the errors of `load_wire`."""
+    """Return the wire in `text`, the content of a file or log. Raises the errors of `load_wire`; they name `place`."""
     model, provenance = parse_model(text, place=place), _provenance(text, place)
     if provenance is None:
         return IdentifiedWire(model, source=place)
@@ -164,7 +164,7 @@ def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:
 
 
 def _source(parameters: Fields) -> BalanceSource:
-    """Return the origin of the heat balance. A heat balance without a source counts as identified."""
+    """Return the origin of a heat balance in a file. A heat balance without a source counts as identified."""
     source = parameters.document.get("source", BalanceSource.IDENTIFIED.value)
     try:
         return BalanceSource(source)

@@ -2,9 +2,10 @@
 
 Temperature and phase depend on each other: the transformation takes heat, and the temperature drives the
 transformation. Over a small change of temperature the slope dw/dT is constant, and the heat balance is exact. A larger
-change is divided into pieces. Each piece is computed with the slope at its start, then once more with its mean slope. A
-correction of the observer may put the state outside the branches, where the slope may have the wrong sign. A state that
-only returns to the branches is no transformation and takes no heat, so such a slope counts as zero.
+change is divided into pieces. Each piece is computed with the slope at its start, then once more with its mean slope.
+
+A correction of the observer may put the state outside the branches of the hysteresis model, where the slope may have
+the wrong sign. A negative slope counts as zero: the state then only returns to the branches, which takes no heat.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ PIECE_C = 2.0
 """Length of the pieces of a larger change, K."""
 
 MOST_PIECES = 200
-"""Largest number of pieces in one step: 200 pieces of 2 K. So a step is short even for an impossible power."""
+"""Largest number of pieces in one step. It bounds the computing time when the power is impossibly large."""
 
 
 class WireState(NamedTuple):
-    """Wire temperature and the state of its hysteresis."""
+    """Temperature of the wire in °C, and the state of its hysteresis model."""
 
     temperature_c: float
     hysteresis: HysteresisState
@@ -57,7 +58,7 @@ class WireModel:
         return self._moved(last, after_c)
 
     def temperature_c(self, state: WireState, power_w: float, dt_s: float) -> float:
-        """Return the temperature after `dt_s` at constant power, for a caller that steps the hysteresis separately."""
+        """Return the temperature in °C after `dt_s` at constant power. The caller steps the hysteresis separately."""
         return self._way(state, power_w, dt_s)[1]
 
     def _way(self, state: WireState, power_w: float, dt_s: float) -> tuple[WireState, float]:
@@ -73,7 +74,10 @@ class WireModel:
         return state, self._improved_c(state, after_c, power_w, dt_s)
 
     def _improved_c(self, state: WireState, after_c: float, power_w: float, dt_s: float) -> float:
-        """Improve `after_c`, the temperature after one piece, by the mean slope of the piece."""
+        """Return the temperature after one piece, computed with the mean slope of the piece.
+
+        `after_c` is the temperature computed with the slope at the start; it is exact for a change up to `SHORT_WAY_C`.
+        """
         wire_c, hysteresis = state
         way_c = after_c - wire_c
         if abs(way_c) <= SHORT_WAY_C:
@@ -83,12 +87,12 @@ class WireModel:
         return self.balance.step(wire_c, power_w, per_k, dt_s)
 
     def _moved(self, state: WireState, after_c: float) -> WireState:
-        """Return the wire at the temperature `after_c`, with the input of its hysteresis changed by the same amount."""
+        """Return the state of the wire at the temperature `after_c`. The hysteresis steps by the same change."""
         wire_c, hysteresis = state
         return WireState(after_c, self.model.step(hysteresis, hysteresis.v + after_c - wire_c))
 
     def _heated_c(self, state: WireState, power_w: float, dt_s: float) -> float:
-        """Return the temperature after `dt_s`, computed with the slope at the start."""
+        """Return the temperature in °C after `dt_s`, computed with the slope dw/dT at the start of this time."""
         settled_c = self.balance.ambient_c + power_w / self.balance.loss_w_per_k
         per_k = self.phase_per_k(state.hysteresis, 1 if settled_c > state.temperature_c else -1)
         return self.balance.step(state.temperature_c, power_w, per_k, dt_s)
@@ -98,9 +102,9 @@ class WireModel:
         return max(self.model.slope(hysteresis, direction) / self.travel_mm, 0.0)
 
     def resistance_ohm(self, hysteresis: HysteresisState) -> float:
-        """Return the resistance at a state, Ω."""
+        """Return the resistance of the wire in Ω at a state of its hysteresis model."""
         return self.balance.resistance_ohm(self.phase(hysteresis))
 
     def phase(self, hysteresis: HysteresisState) -> float:
-        """Return the phase at a state: the displacement as a share of the travel, 0 for the cold wire."""
+        """Return the phase at a state of the hysteresis: 0 for the cold wire, 1 for the fully heated wire."""
         return (hysteresis.y - self.cold_mm) / self.travel_mm

@@ -47,7 +47,7 @@ class WatchState(Enum):
 
 
 class GuardianClient:
-    """A guardian process for `task`. The end of this context manager ends the guardian, unless heat may still flow.
+    """A guardian process for `task`. The end of this context manager ends the guardian, unless current may still flow.
 
     `give_way` closes all connections of the driver: some devices accept only one connection, and the guardian may need
     it.
@@ -62,7 +62,7 @@ class GuardianClient:
         self._answered_s = 0.0
 
     def share(self, locks: Iterable[LineLock]) -> None:
-        """Let the guardian inherit the locks of the line. Call this before the guardian starts."""
+        """Set the locks of the line that the guardian inherits. Call this before the guardian starts."""
         self._locks = [lock for lock in locks if lock.descriptor != NO_DESCRIPTOR]
 
     def __enter__(self) -> Self:

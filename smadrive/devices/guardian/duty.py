@@ -30,7 +30,10 @@ LOOK_AGAIN_S = 0.05
 
 
 class Duty(BaseModel):
-    """The content of the file. `waiting` is the reason why the guardian waits, or None while its driver lives."""
+    """The content of a duty file: the guardian's process id, the device, and the parts of the device's key.
+
+    `waiting` is the reason why the guardian waits for the device; None while its driver lives.
+    """
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -54,9 +57,9 @@ class Duty(BaseModel):
 
 
 class HeldDuty:
-    """The duty of this process. The end of this context manager ends the duty.
+    """The locked duty file of this process. The end of this context manager removes the file.
 
-    If there is no folder for state, nothing is written.
+    If the state folder cannot be written, there is no file.
     """
 
     def __init__(self, device: str, key: DeviceKey, descriptor: int | None) -> None:
@@ -73,7 +76,7 @@ class HeldDuty:
 
     @classmethod
     def take(cls, device: str, key: DeviceKey) -> Self | None:
-        """Return the duty; return None if another guardian of the device still lives after `FREE_WITHIN_S`."""
+        """Lock the duty file and return the duty; None if another guardian has the file after `FREE_WITHIN_S`."""
         give_up_s = time.monotonic() + FREE_WITHIN_S
         while (descriptor := _locked(_file(key))) is None:
             if time.monotonic() >= give_up_s:
@@ -90,7 +93,7 @@ class HeldDuty:
             return False
 
     def wait(self, problem: str) -> None:
-        """Note that the driver has ended and the guardian waits. `problem` is the reason."""
+        """Write into the file that the driver has ended and the guardian waits. `problem` is the reason."""
         if self._duty.waiting is None:
             with suppress(OSError):
                 _relief(self._file).unlink(missing_ok=True)

@@ -111,7 +111,7 @@ class DriverProcess:
 
 
 class Guardian:
-    """Carries out the actions of the table: attempts, answers to the driver, messages to the terminal."""
+    """Carries out what the table in states.py demands: attempts to switch off, answers to the driver, messages."""
 
     def __init__(
         self, driver: DriverProcess, switch: OffSwitch, access: LineAccess, duty: HeldDuty, timeout_s: float
@@ -125,7 +125,7 @@ class Guardian:
         self._printed_s = 0.0
 
     def attempt(self, state: GuardianState) -> AttemptOutcome:
-        """Try to switch the device off, and return the outcome; see `run`."""
+        """Try to switch the device off, print a changed outcome, and return the outcome; see `run`."""
         waits = state is GuardianState.WAITING_FOR_DEVICE
         if waits and self._duty.relieved:
             _print("another driver, or `smadrive off`, has confirmed that the heater is off: this guardian ends")
@@ -139,7 +139,7 @@ class Guardian:
         return result.outcome
 
     def act(self, action: Action) -> None:
-        """Answer the driver, or end it; see `run`."""
+        """Carry out an action of the table: answer the driver, or kill it; see `run`."""
         if action is Action.END_DRIVER:
             self._driver.end()
             return
@@ -151,7 +151,7 @@ class Guardian:
         _answer(ANSWERS[action])
 
     def _report(self, result: AttemptResult, *, waits: bool) -> None:
-        """Print a changed outcome. While the guardian waits for the device, repeat the message every `REMIND_S`."""
+        """Print a changed outcome. While the guardian waits for the device, repeat the message after `REMIND_S`."""
         if self._last is None:
             reason = "ended" if self._driver.ended else f"stood still for {self._timeout_s:g} s"
             _print(f"the driver {reason} while heating: taking over")
@@ -192,7 +192,7 @@ def _print(text: str) -> None:
 
 
 def guard(task: Task, driver: DriverProcess) -> None:
-    """Take the duty, report READY to the driver, and run the states until DONE."""
+    """Lock the duty file, send READY to the driver, and run the table of states until DONE."""
     device, profile = task.device, load_profile(task.device.profile)
     key = key_at(device.url, profile, device.unit_id).with_identity(profile, device.identity)
     duty = HeldDuty.take(f"{device.profile} at {device.url}", key)
@@ -209,7 +209,7 @@ def guard(task: Task, driver: DriverProcess) -> None:
 
 
 def main() -> None:
-    """Read the task, then guard the device."""
+    """Read the task from the driver, then guard the device until the guardian is not needed any more."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)  # the guardian ends by itself after the driver
     os.set_blocking(DRIVER_FD, False)

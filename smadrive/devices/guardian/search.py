@@ -84,7 +84,7 @@ class PortSearch:
         return bool(names & self._names) or not (names and self._names)
 
     def _is_left_over(self, path: str) -> bool:
-        """Return True if `path` still names a pseudo-terminal that has ended: it may lead to another one now."""
+        """Return True if the pseudo-terminal at `path` has ended: the unchanged path may lead to another one now."""
         terminal = self._terminals[path]
         if terminal is not None and terminal.is_left_over:
             return True
@@ -101,7 +101,7 @@ def _path(url: str) -> str:
 
 
 def _place(url: str) -> str:
-    """Return the port of a URL, with the time of creation of a serial port: a replugged port is another port."""
+    """Return a text that names the port of a URL. After a replug, a serial port has another text."""
     port = port_of(url)
     if port.startswith("serial:"):
         with suppress(OSError):

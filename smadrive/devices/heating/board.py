@@ -20,7 +20,7 @@ from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ProtocolError, SafetyError
 
 STALE_S = 0.5
-"""The device converts at least every 0.1 s. If its sample counter stands still for this time, the sensor is dead."""
+"""The board converts at least every 0.1 s. If its sample counter stands still for this time in s, the sensor failed."""
 
 SEQUENCES = range(0x0100, 0x10000)
 """The sequence numbers. The registers next to the echo hold only smaller numbers."""
@@ -49,7 +49,7 @@ class HeaterBoard(DeviceSource[Device]):
     has_watchdog = True
 
     def __init__(self, device: Device, clock: Clock) -> None:
-        """Send nothing yet."""
+        """Nothing is sent yet."""
         super().__init__(device)
         profile = device.profile
         self._clock = clock
@@ -63,7 +63,7 @@ class HeaterBoard(DeviceSource[Device]):
         self._counter_since_s = clock.now_s()
 
     def connect(self) -> None:
-        """See HeatSource."""
+        """Prove the identity of the board, write its safe state, and start the check of its sample counter."""
         super().connect()
         self._counter_since_s = self._clock.now_s()
 
@@ -76,7 +76,7 @@ class HeaterBoard(DeviceSource[Device]):
         self.device.write(profile.role("current_max"), limits.current_max_a)
 
     def arm(self) -> None:
-        """Write the arm key; SafetyError when the board does not arm."""
+        """Arm the board by a write to its `arm` register; SafetyError when it does not arm."""
         self._write_key("arm")
         status = self._names["status"]
         if "armed" not in (words := self.device.read((status,), proved=True)[status].words):
@@ -103,7 +103,7 @@ class HeaterBoard(DeviceSource[Device]):
         return self._supplied(now_s, {role: readings[name] for role, name in self._names.items()})
 
     def clear_faults(self) -> None:
-        """Clear the latched faults; the board keeps those whose cause persists."""
+        """Clear the latched faults; the board keeps the faults whose cause persists."""
         self._write_key("fault_clear")
 
     def _check_echo(self, echo: RegisterReading) -> None:
@@ -143,7 +143,7 @@ class HeaterBoard(DeviceSource[Device]):
         return f"no new conversion for {stale_s:.2f} s" if stale_s > STALE_S else None
 
     def _write_key(self, role: str) -> None:
-        """Write the only value that a key register accepts."""
+        """Write the only value in the enum of this role's register, which is the only value that it accepts."""
         name = self.device.profile.role(role)
         (key,) = self.device.profile.register(name).enum
         self.device.write(name, key)

@@ -37,14 +37,14 @@ class DeviceSource(Generic[DeviceT]):
     """A device as heat source; see HeatSource. A subclass adds the exchange and the limits."""
 
     def __init__(self, device: DeviceT) -> None:
-        """Send nothing yet."""
+        """Nothing is sent yet."""
         self.device = device
         self.settle_s = device.profile.timing.settle_ms / 1e3
         self._armed = False
 
     @property
     def identity(self) -> Identity:
-        """See HeatSource."""
+        """The values of the registers that distinguish the device from others of its type; empty before `connect`."""
         return self.device.identity
 
     @property
@@ -58,6 +58,6 @@ class DeviceSource(Generic[DeviceT]):
         self.enter_safe_state()
 
     def enter_safe_state(self) -> None:
-        """See HeatSource."""
+        """Disarm, set zero current and switch the output off, confirmed by read-back."""
         self._armed = False
         self.device.enter_safe_state()

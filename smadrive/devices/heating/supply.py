@@ -37,7 +37,7 @@ class BenchSupply(DeviceSource[Device]):
     has_watchdog = False
 
     def __init__(self, device: Device) -> None:
-        """Send nothing yet."""
+        """Nothing is sent yet."""
         super().__init__(device)
         profile = device.profile
         self._names = {role: profile.role(role) for role in _NEEDED}
@@ -68,8 +68,7 @@ class BenchSupply(DeviceSource[Device]):
         self._armed = True
 
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
-        """Measure while the previous current is in force, then set `current_a`.
-
+        """Measure while the previous current is in force, then set `current_a`, and return what was measured.
         ReadBackError when the setting differs from the previous command.
         """
         readings = self.device.command(self._names["heater_current"], current_a, self._reads, proved=proved)
@@ -87,12 +86,12 @@ class BenchSupply(DeviceSource[Device]):
         )
 
     def enter_safe_state(self) -> None:
-        """See HeatSource."""
+        """Set zero current and switch the output off, confirmed by read-back. End the check of the voltage limit."""
         self._voltage_set = None
         super().enter_safe_state()
 
     def clear_faults(self) -> None:
-        """Reset the protection if its register can be written. Other supplies are reset at their panel."""
+        """Reset a tripped protection if its register can be written. Other supplies are reset at their panel."""
         name = self._names.get("faults")
         if name is not None and self.device.profile.register(name).writable:
             self.device.write(name, 0)

@@ -24,9 +24,9 @@ from smadrive.errors import ConfigError, ReadBackError, SafetyError
 STEPS = 200
 """Number of steps of the pulse width from off to full. It is the factory setting of P1, whose maximum is 255."""
 WITHIN = 0.2
-"""A duty is commanded this fraction of a step above the step, so that the board's rounding does not miss it."""
+"""A commanded duty lies this fraction of a step above its step, because the board may round down."""
 COARSE = 0.01
-"""If rounding down takes away more than this fraction of full scale, it is reported as a limit."""
+"""If rounding down takes away more than this fraction of full_scale_a, the limit `pulse_width_step` is reported."""
 
 SENSOR_RANGE_C = (-40.0, 150.0)
 """Range of the board's TMP36 sensor. An open or shorted sensor reads as an end of the converter, -50 or 280 °C."""
@@ -43,7 +43,7 @@ class TCLab(DeviceSource[TCLabBoard]):
     has_watchdog = False
 
     def __init__(self, board: TCLabBoard, full_scale_a: float, full_scale_v: float) -> None:
-        """Send nothing yet."""
+        """Nothing is sent yet."""
         super().__init__(board)
         self._full_scale_a = full_scale_a
         self._full_scale_v = full_scale_v
@@ -99,7 +99,7 @@ class TCLab(DeviceSource[TCLabBoard]):
         return self._supplied(in_force, temperature_c, current_a - self._full_scale_a * sqrt(steps / STEPS))
 
     def enter_safe_state(self) -> None:
-        """See HeatSource."""
+        """Set the duty of both heaters to zero, confirmed by read-back."""
         super().enter_safe_state()
         self._may_be = (0.0,)
 

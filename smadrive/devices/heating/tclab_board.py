@@ -44,7 +44,7 @@ class TCLabBoard:
     """A TCLab board, alone on its line. Every command is confirmed. `profile` has line settings and timing."""
 
     def __init__(self, profile: Profile, transport: Transport, trace: Trace | None = None) -> None:
-        """Send nothing yet."""
+        """Nothing is sent yet."""
         self.profile = profile
         self.identity = UNKNOWN
         self.clock = transport.clock

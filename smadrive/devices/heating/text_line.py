@@ -6,10 +6,10 @@ Such a reply proves neither that it answers this command nor that it is undamage
 2. no earlier reply was on its way when the command was sent.
 
 After any failure, and at the beginning, late replies may be on their way. So the greeting is sent before the next
-command: the board must return the same banner as before, then repeat a token that differs from the last tokens. All
-lines before the repeated token are dropped. A board answers in order, so no older line can follow the token. The banner
-alone proves nothing, because it may answer an earlier greeting. A greeting costs two lines and no pause, because the
-next command may have to switch a heater off at once.
+command: the board must return the same banner (its name and firmware) as before, then repeat a token that differs from
+the last tokens. All lines before the repeated token are dropped. A board answers in order, so no older line can follow
+the token. The banner alone proves nothing, because it may answer an earlier greeting. A greeting costs two lines and no
+pause, because the next command may have to switch a heater off at once.
 
 A damaged reply can still have the right form. The caller must detect it: the caller checks that the board repeats the
 value of a command, and reads a measured value twice.
@@ -30,7 +30,7 @@ LONGEST = 64
 """Greatest number of characters in a line, including its end."""
 END = b"\r\n"
 GREETINGS = 3
-"""Greatest number of greetings before the request fails."""
+"""The command fails after this number of greetings without a right answer."""
 
 
 class Exchange(NamedTuple):
@@ -55,7 +55,7 @@ class TextLine:
         token: Callable[[int], Exchange],
         trace: Trace | None = None,
     ) -> None:
-        """Send nothing yet. `trace(time_s, direction, bytes)` is called for every line that passes."""
+        """Nothing is sent yet. `trace(time_s, direction, bytes)` is called for a line sent, received or discarded."""
         self.clock = transport.clock
         self._transport = transport
         self._timeout_s = timeout_s + transport.latency_s
@@ -74,7 +74,7 @@ class TextLine:
         """Send `command` and return the reply, a whole line of the given `form`.
 
         DeadlineError or ProtocolError when no such reply arrives; TransportError when the connection is lost;
-        IdentityError when another board answers now. Nothing is sent twice.
+        IdentityError when another board answers now. `command` is never sent twice.
         """
         if self._transport.lost:
             self._in_step = False

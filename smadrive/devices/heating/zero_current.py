@@ -1,4 +1,4 @@
-"""The proof that heating has ended: the measured current is zero, whatever state the device reports."""
+"""The proof that heating has ended: the measured current is zero, and the device does not report that it is armed."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ CURRENT_ZERO_A = 0.05
 ZERO_SHARE = 0.1
 """For thin wires, the bound is this fraction of current_max_a if that is less than `CURRENT_ZERO_A`."""
 CURRENT_GONE_S = 0.2
-"""Current may still flow for this time in seconds, plus the settling time of the source, after switching off."""
+"""After switching off, current may flow for this time in seconds plus the settling time of the source."""
 LOOK_AGAIN_S = 0.05
 
 
 def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
-    """Wait until no current flows through `source`, which is in its safe state, and return its last answer.
+    """Wait until no current flows from `source`, which is in its safe state, and return its last measurements.
 
     SafetyError when current still flows after the allowed time, or the source still reports that it is armed.
     """

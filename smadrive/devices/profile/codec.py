@@ -29,11 +29,15 @@ from smadrive.errors import ConfigError
 Limits = tuple[float | None, float | None]
 
 STATES = 64
-"""Number of cached patterns of a register with states or flags: naming a pattern takes longer than reading it."""
+"""Number of decoded patterns that are cached for a register with states or flags, whose decoding is slow."""
 
 
 class Codec:
-    """Converts between the words and the value of one register. The parameters have the names of the profile's keys."""
+    """Converts between the words and the value of one register.
+
+    `kind` is the type, `order` the word order. `writable` is (min, max) and `valid` is (valid_min, valid_max), in
+    engineering units. The other parameters have the names of the profile's keys.
+    """
 
     def __init__(
         self,
@@ -105,7 +109,7 @@ class Codec:
         return self.pack(raw)
 
     def pattern(self, bits: int) -> tuple[int, ...]:
-        """Return the words of a raw pattern."""
+        """Return the words of the raw pattern `bits`."""
         return register_types.pattern(self._kind, self._order, bits)
 
     def check_fits(self, value: float) -> None:

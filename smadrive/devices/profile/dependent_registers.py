@@ -19,7 +19,7 @@ CELSIUS, FAHRENHEIT = "degC", "degF"
 
 
 def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> Context:
-    """Return the context of `register`. `readings` must include the registers on which it depends."""
+    """Return the context of `register`, from the `readings` of the registers on which it depends."""
     if not register.depends_on:
         return ALONE
     sign = _word(register.sign_register, readings)

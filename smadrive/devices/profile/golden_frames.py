@@ -18,7 +18,7 @@ _TABLES = {1: "coil", 2: "discrete", 3: "holding", 4: "input", 5: "coil", 6: "ho
 
 
 class AddressRange(NamedTuple):
-    """The function of a request, its first address, and the number of addresses."""
+    """The function code of a request, its first address, and its number of addresses."""
 
     function: int
     address: int

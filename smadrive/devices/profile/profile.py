@@ -95,7 +95,7 @@ class Profile(Section):
 
     @property
     def proves_type(self) -> bool:
-        """True if the device can prove its type."""
+        """True if the device can prove its type, by registers with `ranges` or by the banner of a text protocol."""
         return not self.has_registers or any(proof.ranges for proof in self.identify)
 
     @property
@@ -171,7 +171,10 @@ class Profile(Section):
         return None if line is None else SerialSettings(line.baudrate, line.parity, line.stopbits)
 
     def _pinned(self, choice: str) -> Profile:
-        """Return the profile of the model with these raw values, written `NAME=RAW,...`. A device must prove them."""
+        """Return the profile of the model with the raw values in `choice`, such as `model_id=60120`.
+
+        The device must then prove these raw values.
+        """
         raws = dict(_raw_of(pair, choice) for pair in choice.split(","))
         for name, raw in raws.items():
             self.register(name)

@@ -96,7 +96,7 @@ class Register(Section):
 
     @cached_property
     def exchangeable(self) -> bool:
-        """True if an FC23 exchange may write the register, together with others and without a read before."""
+        """True if an FC23 exchange may write the register, without reading any register first."""
         return not (self.nonvolatile or self.depends_on or self.block)
 
     @cached_property

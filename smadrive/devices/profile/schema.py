@@ -14,7 +14,7 @@ from smadrive.modbus.transports.transport import Parity
 
 
 class Head(Section):
-    """Name, role, protocol and vendor of the device. `evidence` names the sources of the register map."""
+    """Name, role, protocol and vendor of the device. `evidence` tells how well sources support the register map."""
 
     id: str
     role: Literal["heater", "supply", "temperature", "displacement"]

@@ -81,7 +81,7 @@ def refuse_torn_blocks(registers: Registers, timing: DeviceTiming) -> None:
 
 
 def find_register(name: str, registers: Registers, key: str) -> Register:
-    """Return the register that `key` names; ValueError if there is none."""
+    """Return the register `name`; ValueError, which names the profile's `key`, if there is no such register."""
     if name not in registers:
         raise ValueError(f"{key} names the unknown register '{name}'; {suggestion_or_list(name, registers)}")
     return registers[name]

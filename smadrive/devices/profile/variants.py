@@ -44,7 +44,7 @@ def applied(registers: Mapping[str, Register], variant: Variant) -> dict[str, Re
 
 
 def matching(variants: Sequence[Variant], raws: Mapping[str, float]) -> Variant | None:
-    """Return the variant whose registers hold these raw values; return None if the profile applies unchanged."""
+    """Return the first variant whose `match` fits the raw values; None if no variant fits."""
     for variant in variants:
         if variant.match and all(first <= raws[name] <= last for name, (first, last) in variant.match.items()):
             return variant

@@ -10,7 +10,7 @@ device. So a key holds the permanent names of the port and, after the device has
     pseudo-terminal          no permanent name; while it exists, its number with its time of creation. After its end it
                              never comes back, and only the serial number of the device counts
 
-Devices that share a line have different unit ids. `APPLIES` tells when a trip of one key holds for another key.
+Devices that share a line have different unit ids. `APPLIES` tells when a trip of one device applies to another.
 """
 
 from __future__ import annotations
@@ -119,7 +119,10 @@ def key_at(url: str, profile: Profile, unit_id: int | None) -> DeviceKey:
 
 
 def serial_number(profile: Profile, identity: Identity) -> str | None:
-    """Return the values of the `[[identify]]` registers that have no `ranges`; None if there is no serial number."""
+    """Return the serial number as text; None if it is unknown.
+
+    It consists of the values of the `[[identify]]` registers without `ranges`, separated by spaces.
+    """
     names = sorted(proof.register_ for proof in profile.identify if not proof.ranges)
     values = [identity[name] for name in names if identity.get(name, UNPROGRAMMED[0]) not in UNPROGRAMMED]
     return " ".join(str(value) for value in values) or None

@@ -129,7 +129,7 @@ def _write(key: DeviceKey, trip: str) -> None:
 
 
 def _take_over_old(key: DeviceKey) -> None:
-    """Move the records of 0.1 at this port to the key of the device that is there now. After an error they stay."""
+    """Rename the records of smadrive 0.1 for this port to the key of the present device. After an error they stay."""
     for file, trip in _old_records(key):
         with suppress(OSError, DataError):
             if file.is_file():
@@ -159,7 +159,7 @@ def _old_addresses(key: DeviceKey) -> Iterator[str]:
 
 
 def _is_of_older_terminal(file: Path, address: str) -> bool:
-    """Return True if the record is older than the present pseudo-terminal with this number."""
+    """Return True if the record is older than the pseudo-terminal that has its number now."""
     path = Path(address.removeprefix("serial://").partition(" ")[0])
     return str(path).startswith(TERMINALS) and file.stat().st_mtime_ns < path.stat().st_ctime_ns
 

@@ -59,7 +59,7 @@ class LineLock:
         _held.add(self)
 
     def hold_as(self, role: Role, pid: int) -> None:
-        """Write the holder into the file."""
+        """Write role and process id of the holder into the file of the lock."""
         self._write(f"{role} {pid}\n")
 
     def release(self) -> None:

@@ -87,7 +87,7 @@ def address_of(name: str) -> str:
 
 
 def places(name: str) -> tuple[str, ...]:
-    """Return the names at which the driver of the line `name` may listen. A driver uses the first name that is free.
+    """Return the names under which the driver of the line `name` may listen. A driver uses the first free name.
 
     After the end of a pseudo-terminal, its number is soon reused, while the old driver may still run. So there are
     several names for the number of a pseudo-terminal. The lock of the line excludes two drivers of one pseudo-terminal.

@@ -16,9 +16,9 @@ from smadrive.errors import ProtocolError
 from smadrive.modbus.framing import mbap, rtu
 
 REMEMBERED = 1024
-"""The transaction numbers of this many last unanswered requests are not used again."""
+"""Transaction numbers of the latest unanswered requests, up to this number of requests, are not used again."""
 NEAR = 16
-"""A new transaction number differs from the previous one by more than this, because a server may miscount."""
+"""A new transaction number differs by more than this from the previous one: a faulty server may send a near number."""
 
 
 class Framing(Protocol):
@@ -50,7 +50,7 @@ class Framing(Protocol):
         ...
 
     def skip(self, data: bytes) -> None:
-        """Drop `data`, which arrived before a request, so that no part of `data` counts as the reply."""
+        """Drop `data`, which arrived before the request was sent: no part of `data` may count as its reply."""
         ...
 
     def intact(self, reply: bytes) -> bool:
@@ -138,7 +138,7 @@ class TcpFraming:
         return b""
 
     def skip(self, data: bytes) -> None:
-        """Drop the whole frames in `data`. The bytes behind these frames begin another frame and stay pending."""
+        """Drop the complete frames in `data`. Bytes after them are the beginning of another frame, and are kept."""
         self._pending += data
         with suppress(ProtocolError):
             while self._frame() is not None:

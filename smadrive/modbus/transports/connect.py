@@ -112,7 +112,7 @@ def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTra
 
 
 def _unknown_scheme(url: str, scheme: str) -> ConfigError:
-    """Return the error for an unknown scheme; its cure names the nearest scheme, and the forms of all schemes."""
+    """Return the error for an unknown scheme. Its cure names the most similar scheme, and the forms of all schemes."""
     cure = f"{suggestion(scheme, SCHEMES)} Write {_FORMS}, or sim://NAME in a rig file".strip()
     return ConfigError("unknown scheme", where=_named(url), value=shortened(scheme), cure=cure)
 

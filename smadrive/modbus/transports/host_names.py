@@ -67,7 +67,7 @@ def _parts(port: str) -> tuple[str, str]:
 
 
 def _numbers(names: frozenset[str]) -> set[str]:
-    """Return the port numbers in the names; a serial port has none."""
+    """Return the network port numbers in the names; an empty set for a serial port."""
     return {_parts(name)[1] for name in names if name.startswith(NETWORK)}
 
 

@@ -26,7 +26,7 @@ class InProcessTransport:
     """A connection to `peer`. It imitates a serial line, or a TCP connection if `baudrate` is None."""
 
     def __init__(self, peer: Peer, clock: Clock, baudrate: int | None = 115200, latency_s: float = 0.0) -> None:
-        """Connect to `peer`, which sets the times of arrival. `baudrate` sets pauses and deadlines of the client."""
+        """Connect to `peer`, which sets when bytes arrive. The client derives pauses and deadlines from `baudrate`."""
         self.clock = clock
         self.name = "in process"
         self.reconnects = False
@@ -78,7 +78,7 @@ class InProcessTransport:
         return self._lost
 
     def disconnect(self, return_s: float = 0.0) -> None:
-        """Close the connection and drop the bytes on their way. `reopen` fails before the time `return_s`."""
+        """Close the connection and drop the bytes that were not read. `reopen` fails before the time `return_s`."""
         self._lost = True
         self._return_s = return_s
         self._arriving.clear()

@@ -16,7 +16,7 @@ from typing import Self
 TERMINALS = "/dev/pts/"
 
 MOST_LINKS = 40
-"""Linux follows no more links from one path."""
+"""Largest number of links that Linux follows from one path."""
 
 
 class PseudoTerminal:

@@ -1,7 +1,7 @@
 """A transport over a TCP connection: Modbus TCP, or RTU frames through a serial-to-network gateway.
 
-A TCP connection can be dead without a sign: the gateway restarted, or a router dropped it from its table. Three
-measures help:
+A TCP connection can be dead without a sign: the gateway restarted, or a router dropped the connection from its table.
+Three measures help:
 
 - the client closes a socket that missed a deadline, and opens a new one (`reconnects`);
 - with keep-alive and user timeout, the kernel detects a dead idle connection within `DEAD_AFTER_S`;
@@ -39,7 +39,7 @@ _OPTIONS = (
 
 
 class SocketTransport(DescriptorTransport):
-    """An open connection to `host`:`port`."""
+    """An open TCP connection to `port` of `host`, which carries the frames of `framing`."""
 
     end = "closed by the far end"
     cure = "check that the device is powered, and that no other client is connected to it"

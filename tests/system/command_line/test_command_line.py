@@ -345,7 +345,7 @@ WRONG = [
     ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
     ("another device", ("probe", "other.toml"), 3, "is not of the type 'sma-reference' (device_id = 21325"),
     ("beyond the stroke", (*RUN, "--model", "loop.json", "--reference", FAR), 2, "limit 0 to 0.04 mm"),
-    ("beyond cooling", (*RUN, "--model", "loop.json", "--reference", FAST), 2, "cools no faster. Check that the model belongs"),
+    ("beyond cooling", (*RUN, "--model", "loop.json", "--reference", FAST), 2, "cools no faster. Check that the model"),
     ("model is a folder", ("identify", "wire.csv", *STRAIN[:-1], "folder.json"), 2, "folder.json: cannot be written"),
     ("log in no folder", ("excite", "in-process", "-o", "no/l.h5"), 2, "no/l.h5: cannot be written"),
     ("a log with the name of a table", ("excite", "in-process", "-o", "l.csv"), 2, "the name of a log ends in .h5"),
