@@ -48,7 +48,7 @@ class Controller(Protocol):
         ...
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the next command. `time_s` counts from the start of the loop, `dt_s` from the previous update, in s."""
+        """Return the next command. `time_s` counts from the start of the loop, `dt_s` from the last update, in s."""
         ...
 
 
