@@ -36,14 +36,16 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 WORKERS_A_CORE = 5
-COMPUTING_A_CORE = 2
-"""Many tests wait in real time. So these workers of every core prefer tests that compute; the others wait."""
+"""Many tests wait in real time."""
 
 BROWSER = "tests/browser/"
 PROCESSES = "tests/system/processes/"
 """The folder whose tests wait most: each of them may run on another worker."""
-WAITING = (PROCESSES, BROWSER, "tests/system/")
+SYSTEM = "tests/system/"
+WAITING = (PROCESSES, BROWSER, SYSTEM)
 """Folders whose tests wait most of the time, the longest first."""
+PREFERRED = ("tests/unit/", SYSTEM, PROCESSES)
+"""What the first worker of each core prefers, the second, and all others: so the cores are busy from start to end."""
 
 
 def pytest_xdist_auto_num_workers(config):
@@ -62,18 +64,20 @@ def unit_of(nodeid):
     return nodeid if nodeid.startswith(PROCESSES) else nodeid.partition("::")[0]
 
 
-class Scheduling(LoadFileScheduling):
-    """Gives a unit at a time to a worker, in the order of the tests.
+def is_in(unit, folder):
+    """Return True if the unit lies in the folder, which has no part in PROCESSES unless it is PROCESSES."""
+    return unit.startswith(folder) and unit.startswith(PROCESSES) is (folder == PROCESSES)
 
-    `COMPUTING_A_CORE` workers a core prefer units that compute, the others prefer units that wait.
-    """
+
+class Scheduling(LoadFileScheduling):
+    """Gives a unit at a time to a worker: the next one of the folder that the worker prefers, or else of any folder."""
 
     def _split_scope(self, nodeid):
         return unit_of(nodeid)
 
     def _assign_work_unit(self, node):
-        computes = self.nodes.index(node) < COMPUTING_A_CORE * cores()
-        preferred = (unit for unit in self.workqueue if computes is not unit.startswith(WAITING))
+        folder = PREFERRED[min(self.nodes.index(node) // cores(), len(PREFERRED) - 1)]
+        preferred = (unit for unit in self.workqueue if is_in(unit, folder))
         self.workqueue.move_to_end(next(preferred, next(iter(self.workqueue))), last=False)
         super()._assign_work_unit(node)
 
@@ -92,9 +96,15 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: next(n for n, folder in enumerate(places) if item.nodeid.startswith(folder)))
 
 
+def pytest_collection():
+    """Collect no garbage while tests are collected: nearly all objects that they make are needed to the end."""
+    gc.disable()
+
+
 def pytest_collection_finish():
     """Exclude the collected tests and all imports from garbage collection, which would visit them again and again."""
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True)

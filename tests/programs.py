@@ -2,10 +2,11 @@
 
 `Program` and `run` take the place of `subprocess.Popen` and `subprocess.run` for `python -m MODULE ...` and
 `python -c CODE ...`. One server per test process imports the modules of `IMPORTED` once and forks a child for every
-program. The child has the arguments, folder, environment and standard streams that it was given, and ends as every
-interpreter ends. What is not tested this way is the start itself; tests of that use `subprocess`.
+program. The child has the arguments, folder, environment and standard streams that it was given. What is not tested
+this way is the start itself and the teardown of the interpreter; tests of these use `subprocess`.
 """
 
+import atexit
 import gc
 import importlib
 import inspect
@@ -20,15 +21,20 @@ import socket
 import struct
 import subprocess
 import sys
+import threading
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 IMPORTED = (
-    *("numpy", "scipy.optimize", "h5py", "pydantic", "typer", "rich", "serial", "firmware_sim.cli"),
+    *("numpy", "scipy.optimize", "h5py", "pydantic", "serial", "pymodbus.pdu", "cloudpickle", "tomlkit"),
+    *("typer", "rich.markdown", "rich.padding", "rich.table", "firmware_sim.cli", "smadrive.scripting.open_rig"),
     *(
         f"smadrive.cli.{name}"
-        for name in ("app", "demo", "excite", "identify", "off", "probe", "report", "run", "scan")
+        for name in (
+            *("app", "calibrate", "demo", "excite", "heat", "identify", "off", "probe", "report", "run", "scan"),
+            *("table", "watch"),
+        )
     ),
 )
 STATUS = struct.Struct("i")
@@ -195,6 +201,20 @@ def _run(_python, kind, what, *arguments):
         raise ValueError(kind)
 
 
+def _end(status):
+    """Wait for the threads, call the functions of `atexit`, flush the streams, and end without a teardown.
+
+    The teardown would write to nearly every page that this process shares with the server: that takes 90 ms.
+    """
+    threading._shutdown()
+    atexit._run_exitfuncs()
+    with suppress(OSError, ValueError, AttributeError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    sys.exit(status)  # a stream cannot be flushed: the interpreter reports it
+
+
 def _serve(control):
     for name in IMPORTED:
         importlib.import_module(name)
@@ -202,7 +222,14 @@ def _serve(control):
     gc.freeze()
     (arguments, *surroundings), streams = _next_program(control)
     _become(*surroundings, streams)
-    _run(*arguments)
+    status = None
+    try:
+        _run(*arguments)
+    except SystemExit as end:
+        if not isinstance(end.code, int | None):
+            raise
+        status = end.code
+    _end(status or 0)
 
 
 if __name__ == "__main__":

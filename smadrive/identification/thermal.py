@@ -15,9 +15,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # imports scipy.signal, which takes 0.4 s, at its first use: most programs of this file fit nothing
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from scipy.signal import butter, lfilter, sosfiltfilt
 
 from smadrive.errors import IdentificationError
 from smadrive.identification.excitation import ExcitationRecord
@@ -167,7 +167,7 @@ def _simulate(samples: _Samples, parameters: Array) -> tuple[Array, Array]:
 def _first_order(target: Array, time_constant_s: float, dt_s: float, start: float) -> Array:
     """Solve dx/dt = (target - x)/τ for a target that is constant over each period, from x = `start`."""
     decay = np.exp(-dt_s / time_constant_s)
-    tail, _ = lfilter([1.0 - decay], [1.0, -decay], target, zi=[decay * start])
+    tail, _ = scipy.signal.lfilter([1.0 - decay], [1.0, -decay], target, zi=[decay * start])
     return np.concatenate(([start], tail))
 
 
@@ -176,7 +176,7 @@ def _lagged(wire: Array, lag_s: float, dt_s: float, start: float) -> Array:
     decay = np.exp(-dt_s / lag_s)
     gain = 1.0 - (1.0 - decay) * lag_s / dt_s
     driven = (1.0 - decay - gain) * wire[:-1] + gain * wire[1:]
-    tail, _ = lfilter([1.0], [1.0, -decay], driven, zi=[decay * start])
+    tail, _ = scipy.signal.lfilter([1.0], [1.0, -decay], driven, zi=[decay * start])
     return np.concatenate(([start], tail))
 
 
@@ -246,5 +246,5 @@ def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, f
 
 def _wire_temperature(samples: _Samples, balance: HeatBalance) -> Array:
     wire, reading = _simulate(samples, _thermal_parameters(balance))
-    low_pass = butter(2, CORRECTION_BAND_HZ, fs=1.0 / samples.dt_s, output="sos")
-    return wire + np.asarray(sosfiltfilt(low_pass, samples.reading_c - reading))
+    low_pass = scipy.signal.butter(2, CORRECTION_BAND_HZ, fs=1.0 / samples.dt_s, output="sos")
+    return wire + np.asarray(scipy.signal.sosfiltfilt(low_pass, samples.reading_c - reading))

@@ -5,7 +5,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import nbformat
 import pytest
 
 import smadrive
@@ -32,6 +31,8 @@ def run(script, folder):
 
 def outputs(notebook):
     """For each output of each cell its type, and the types of its data."""
+    import nbformat  # here, because every test process imports this file
+
     cells = nbformat.read(notebook, as_version=4).cells
     return [
         (number, output.output_type, sorted(output.get("data", {})))

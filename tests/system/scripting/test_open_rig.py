@@ -7,7 +7,6 @@ import threading
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import smadrive
@@ -72,6 +71,8 @@ def test_identified_wire_drives_the_rig(rig, wire):
 
 @pytest.mark.exhaustive
 def test_wire_comes_from_every_form_of_its_record(wire, tmp_path):
+    import pandas as pd  # here, because every test process imports this file
+
     run = smadrive.read_log("excitation.h5")
     assert isinstance(wire, smadrive.IdentifiedWire)
     assert (wire.heat_balance is None, Path(wire.source).name) == (False, "excitation.h5")
@@ -100,7 +101,7 @@ def test_saved_wire_is_loaded_and_tracks(rig, wire):
     loaded = smadrive.load_wire("wire.json")
     assert loaded.heat_balance == wire.heat_balance
     assert rig.track("sine:low_mm=2,high_mm=9,period_s=20,cycles=1", "wire.json").rms_percent < 2.0
-    pd.DataFrame({"time_s": [0.0, 30.0], "displacement_mm": [1.0, 4.0]}).to_csv("path.csv", index=False)
+    Path("path.csv").write_text("time_s,displacement_mm\n0,1\n30,4\n")
     assert rig.track(Path("path.csv"), loaded).rms_percent < 2.0
 
 

@@ -76,6 +76,7 @@ def test_drift_is_followed_with_a_third_of_the_error(share):
     assert abs(shape.mu_heating - shape_of(drifted(share, 3.0, 0.0)).mu_heating) < 1.0
 
 
+@pytest.mark.exhaustive
 def test_constant_wire_keeps_its_model():
     assert follow(0.5, 0.0, 0.0)[1] < 0.5
 

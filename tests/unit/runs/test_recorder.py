@@ -7,7 +7,6 @@ import sys
 import h5py
 import numpy as np
 import pytest
-import xarray
 
 from smadrive.errors import DataError
 from smadrive.runs.log.layout import EVENT_ROWS
@@ -82,6 +81,8 @@ def test_names_are_those_of_nexus(tmp_path):
 
 @pytest.mark.parametrize("group", [None, "entry/data"])
 def test_xarray_opens_a_log(tmp_path, group):
+    import xarray  # here, because every test process imports this file
+
     write(tmp_path / "run.h5", 5)
     with xarray.open_dataset(tmp_path / "run.h5", engine="h5netcdf", group=group) as data:
         assert float(data["temperature_c"].sel(time_s=0.1)) == 22.0
@@ -105,6 +106,8 @@ def test_empty_run_leaves_a_readable_log(tmp_path):
 
 
 def test_log_is_readable_while_it_is_written(tmp_path):
+    import xarray  # as above
+
     with Recorder(tmp_path / "run.h5", COLUMNS) as recorder:
         for n in range(3 * ROWS_PER_S + 1):
             recorder.row(row(n))

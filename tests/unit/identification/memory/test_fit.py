@@ -52,6 +52,7 @@ def test_a_given_number_of_sets_is_used(rng):
     assert identify_memory(v, wire.simulate(v), memory=1).memory.sets == 1
 
 
+@pytest.mark.exhaustive
 def test_memory_that_is_not_there_is_not_claimed(rng):
     v = nested_loops(rng, samples=900)
     fit = identify_memory(v, DUHEM.simulate(v), memory=8)

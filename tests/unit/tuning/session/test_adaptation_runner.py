@@ -78,7 +78,7 @@ def test_comparison_and_adaptation_exclude_each_other(ruled_rig):
     assert "being compared" in ruled_rig.answers[too_late]
 
 
-@pytest.mark.parametrize("at_s", [2.5, 3.0, 3.5])
+@pytest.mark.parametrize("at_s", [*map(exhaustive, (2.5, 3.5)), 3.0])
 def test_adaptation_begun_while_a_healthy_wire_heats_up_leaves_the_rules(rig, at_s):
     """At this time the wire rises by 50 K within a second, and its thermocouple shows the rise later."""
     sets = TriangularSets(tuple(np.linspace(50.0, 110.0, 31).tolist()))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from marks import exhaustive
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
@@ -48,7 +49,7 @@ def test_a_wire_without_memory_has_no_turning_points(rig):
     assert rig.status["turning_points"] is None
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, *map(exhaustive, (2, 3))])
 def test_cold_wire_is_armed_without_heat_and_approaches_smoothly(rig, seed):
     rig.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed)
     rig.clock.follow(rig.device.bench.advance_to)
@@ -60,7 +61,7 @@ def test_cold_wire_is_armed_without_heat_and_approaches_smoothly(rig, seed):
     assert np.abs(error_mm(rig.between(5.0, 15.0))).max() < 0.01 * 12.0
 
 
-@pytest.mark.parametrize("noise_seed", range(3))
+@pytest.mark.parametrize("noise_seed", [0, *map(exhaustive, (1, 2))])
 @pytest.mark.parametrize("zero_mm", [-0.6, -0.05, 0.05, 0.6])
 def test_cold_wire_is_held_without_heat_although_its_sensor_has_lost_its_zero(rig_without_zero, zero_mm, noise_seed):
     rig = rig_without_zero(zero_mm, noise_seed)
