@@ -106,8 +106,6 @@ def test_empty_run_leaves_a_readable_log(tmp_path):
 
 
 def test_log_is_readable_while_it_is_written(tmp_path):
-    import xarray  # as above
-
     with Recorder(tmp_path / "run.h5", COLUMNS) as recorder:
         for n in range(3 * ROWS_PER_S + 1):
             recorder.row(row(n))
@@ -193,6 +191,8 @@ def test_killed_writer_loses_at_most_a_second(tmp_path, count, expected):
     assert log.metadata == {"rig": "bench"}
     assert log.events == ((0.0, "armed"),)
     assert log.end_time == ""
+    import xarray  # as above
+
     with xarray.open_dataset(path, engine="h5netcdf") as data:
         assert data.dropna("time_s").sizes["time_s"] == time_s.size
 
