@@ -136,7 +136,7 @@ class _Shift(NamedTuple):
 
 
 def _shifts(bias: Bias, stroke_mm: float) -> tuple[_Shift, _Shift]:
-    """Return the shifts of the heating branch and of the cooling branch."""
+    """Return the shifts of the heating branch and of the cooling branch by the bias load, in K; see `_Shift`."""
     area_mm2 = pi * bias.diameter_mm**2 / 4
     unstretched_mpa, per_phase_mpa = bias.preload_n / area_mm2, bias.stiffness_n_per_mm * stroke_mm / area_mm2
     heating, cooling = (

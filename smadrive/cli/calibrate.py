@@ -104,7 +104,7 @@ def _value(text: str, sensor: CalibratedSensor, pressure_hpa: float) -> float:
     if not low <= value <= high:
         numbers = f"give a number of {UNITS[sensor]}{', `ice` or `boiling`' if named else ''}"
         raise ConfigError(
-            "this cannot be a known value",
+            "the known value is not a number in the range",
             where="--point",
             value=text,
             limit=f"{low:g} to {high:g} {UNITS[sensor]}",

@@ -50,7 +50,10 @@ def list_lines(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator
 
 
 def _least(column: Sequence[str]) -> int:
-    """Return the smallest width of a column: its longest cell that is a number, or its longest word."""
+    """Return the smallest width of a column: its longest number, or its longest word.
+
+    A word without a digit may be broken, so it counts at most `LONGEST_WORD`.
+    """
     name, *cells = column
     numbers = (cell_len(cell) for cell in cells if NUMBER.match(cell))
     words = (word for cell in (name, *cells) for word in cell.split())

@@ -103,4 +103,4 @@ def _shown_as(param: Any) -> dict[str, object]:
 
 
 def _nothing(*_: object, **__: object) -> None:
-    """Return no text for the type of a parameter."""
+    """Return None, so that the help shows no type for the parameter. It replaces `display_type_rich` of typer."""

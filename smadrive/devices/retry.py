@@ -12,7 +12,10 @@ from smadrive.clock import Clock
 from smadrive.errors import TakenOverError
 
 PAUSES_S = (0.0, 0.0, 0.5, 0.5, 0.5, 0.5)
-"""Pauses between the rounds in seconds. The first two are 0 for wrong replies; lost connections need half a second."""
+"""Pauses between the rounds of `retry_all`, in seconds.
+
+The first two are 0, because a wrong reply needs no pause. A lost connection needs half a second.
+"""
 
 
 def retry_all(steps: Sequence[Callable[[], None]], clock: Clock) -> None:

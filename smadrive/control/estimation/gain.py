@@ -45,10 +45,10 @@ POINTS = 2000
 
 
 class Correction(NamedTuple):
-    """What the observer adds to its estimate after a measurement.
+    """The change of the observer's estimate after a measurement.
 
-    The fields belong to the temperature of the wire in K, the temperature of the thermocouple in K, the unexplained
-    power in W, and the phase as a share of the travel.
+    The fields are the changes of the wire temperature in K, of the thermocouple's temperature in K, of the power that
+    the heat balance does not explain in W, and of the phase as a share of the travel.
     """
 
     temperature_c: float

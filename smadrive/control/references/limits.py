@@ -8,7 +8,10 @@ WHERE = "reference"
 """The part `where` of the errors about references."""
 
 TABLE_STEP_S = 0.02
-"""Step of the tables of curved shapes, s: at most a loop period, so the error of the straight lines is negligible."""
+"""Approximate step of the tables of curved shapes, in s. A reference joins the rows of its table by straight lines.
+
+Up to 50 Hz this is at most one loop period.
+"""
 
 LONGEST_S = 86_400.0
 """The longest reference: a day. At 20 Hz its feasibility check takes about three minutes and 1.3 GB of memory."""

@@ -151,7 +151,10 @@ class Guardian:
         _answer(ANSWERS[action])
 
     def _report(self, result: AttemptResult, *, waits: bool) -> None:
-        """Print a changed outcome. While the guardian waits for the device, repeat the message after `REMIND_S`."""
+        """Print the result of an attempt if its outcome differs from the last one.
+
+        The first time, also print why the guardian takes over. If `waits`, repeat an old message after `REMIND_S`.
+        """
         if self._last is None:
             reason = "ended" if self._driver.ended else f"stood still for {self._timeout_s:g} s"
             _print(f"the driver {reason} while heating: taking over")

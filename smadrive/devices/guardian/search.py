@@ -18,7 +18,7 @@ from smadrive.modbus.transports.pseudo_terminal import TERMINALS, PseudoTerminal
 AGREEING = 3
 """Number of wrong identities in a row that prove another device. A single wrong identity can come from a late reply."""
 ASK_AGAIN_S = 10.0
-"""A port with another device is tried again after this time in seconds."""
+"""After `AGREEING` wrong identities in a row, the port is tried again after this time in seconds."""
 
 
 class PortSearch:

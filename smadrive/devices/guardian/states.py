@@ -7,7 +7,7 @@
                          only connection that the device accepts
     ENDING_DRIVER        the guardian has killed the driver, to get the connection, and waits for the end of the driver
     WAITING_FOR_DRIVER   the guardian confirms the heater off repeatedly: the driver may wake and send one last command
-    GIVEN_WAY            the driver woke and closed its connections
+    GIVEN_WAY            the driver woke and closed its connections, but does not wait for its ports yet
     RELEASING            the driver waits for its ports, and gets them when the heater is confirmed off once more
     WAITING_FOR_DEVICE   the driver has ended; the heater has not been confirmed off since then
     DONE                 the guardian ends

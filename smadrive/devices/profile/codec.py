@@ -119,7 +119,7 @@ class Codec:
             raise ValueError(self._overflow(value, raw))
 
     def number(self, pattern: int) -> float:
-        """Return the value of a raw pattern read as a number, even if the pattern is a sentinel."""
+        """Return the value of a raw pattern in the unit of the register. A sentinel is converted like others."""
         return self._value_of(self._unpack(self.pattern(pattern)), ALONE)
 
     def _decoded(self, words: Sequence[int], context: Context) -> RegisterReading:

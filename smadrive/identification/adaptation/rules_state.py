@@ -16,7 +16,10 @@ from smadrive.identification.tsfuzzy.sensitivity import laws_of
 from smadrive.numerics.arrays import FloatArray
 
 LEAST_RATE = 1e-3
-"""The least contraction per input span; every rule keeps it."""
+"""Lower limit of p of each heating rule and of q of each cooling rule, times the width of the input range.
+
+So every rule contracts.
+"""
 
 LONGEST_STEP = 0.25
 """The largest change of v in one step, in the unit of v. A larger change is divided."""

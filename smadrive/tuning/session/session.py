@@ -189,7 +189,7 @@ class TuningSession:
             self._adaptation.taken()
 
     def _serve(self) -> None:
-        """Handle OFF, the requests of the page and the results of the builder, and publish the status, once a tick."""
+        """Handle OFF, the requests of the page and the results of the builder. Publish the status every `STATUS_S`."""
         self._is_served = True
         if self._state.live is not None and self._arming.is_waiting:
             self._state.report("armed, holding")
@@ -210,7 +210,10 @@ class TuningSession:
         self._state.publish(adapts=self._adaptation.is_on)
 
     def _stop_requested(self) -> bool:
-        """Return True if the loop must end. After a lost exchange, handle the requests of the page first."""
+        """Return True if the loop must end.
+
+        If the last tick had no measurement, its requests of the page were not handled yet, so handle them first.
+        """
         if not self._is_served:
             self._serve()
         self._is_served = False
