@@ -36,16 +36,20 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 WORKERS_A_CORE = 5
-"""Many tests wait in real time."""
+"""Many tests wait in real time, so a core can serve several workers."""
 
 BROWSER = "tests/browser/"
 PROCESSES = "tests/system/processes/"
 """The folder whose tests wait most: each of them may run on another worker."""
 SYSTEM = "tests/system/"
-WAITING = (PROCESSES, BROWSER, SYSTEM)
-"""Folders whose tests wait most of the time, the longest first."""
-PREFERRED = ("tests/unit/", SYSTEM, PROCESSES)
-"""What the first worker of each core prefers, the second, and all others: so the cores are busy from start to end."""
+OTHER = ""
+FOLDERS = (PROCESSES, BROWSER, SYSTEM, OTHER)
+"""The folders of the tests. Those whose tests wait longest come first."""
+PREFERRED = (OTHER, SYSTEM, PROCESSES)
+"""The folder that a worker prefers: the first for one worker a core, the second for one more, the third for the others.
+
+So some tests compute while others wait, from the start of the run to its end.
+"""
 
 
 def pytest_xdist_auto_num_workers(config):
@@ -64,9 +68,9 @@ def unit_of(nodeid):
     return nodeid if nodeid.startswith(PROCESSES) else nodeid.partition("::")[0]
 
 
-def is_in(unit, folder):
-    """Return True if the unit lies in the folder, which has no part in PROCESSES unless it is PROCESSES."""
-    return unit.startswith(folder) and unit.startswith(PROCESSES) is (folder == PROCESSES)
+def folder_of(nodeid):
+    """The first of FOLDERS that contains the test or unit."""
+    return next(folder for folder in FOLDERS if nodeid.startswith(folder))
 
 
 class Scheduling(LoadFileScheduling):
@@ -77,7 +81,7 @@ class Scheduling(LoadFileScheduling):
 
     def _assign_work_unit(self, node):
         folder = PREFERRED[min(self.nodes.index(node) // cores(), len(PREFERRED) - 1)]
-        preferred = (unit for unit in self.workqueue if is_in(unit, folder))
+        preferred = (unit for unit in self.workqueue if folder_of(unit) == folder)
         self.workqueue.move_to_end(next(preferred, next(iter(self.workqueue))), last=False)
         super()._assign_work_unit(node)
 
@@ -92,8 +96,7 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.nodeid.startswith(BROWSER):
             item.add_marker("exhaustive")
-    places = (*WAITING, "")  # a test that waits in none of the folders comes last
-    items.sort(key=lambda item: next(n for n, folder in enumerate(places) if item.nodeid.startswith(folder)))
+    items.sort(key=lambda item: FOLDERS.index(folder_of(item.nodeid)))
 
 
 def pytest_collection():

@@ -26,16 +26,11 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+COMMANDS = ("calibrate", "demo", "excite", "heat", "identify", "off", "probe", "report", "run", "scan", "watch")
 IMPORTED = (
     *("numpy", "scipy.optimize", "h5py", "pydantic", "serial", "pymodbus.pdu", "cloudpickle", "tomlkit"),
     *("typer", "rich.markdown", "rich.padding", "rich.table", "firmware_sim.cli", "smadrive.scripting.open_rig"),
-    *(
-        f"smadrive.cli.{name}"
-        for name in (
-            *("app", "calibrate", "demo", "excite", "heat", "identify", "off", "probe", "report", "run", "scan"),
-            *("table", "watch"),
-        )
-    ),
+    *("smadrive.cli.app", "smadrive.cli.table", *(f"smadrive.cli.{name}" for name in COMMANDS)),
 )
 STATUS = struct.Struct("i")
 MOST_BYTES = 2**17
@@ -222,14 +217,14 @@ def _serve(control):
     gc.freeze()
     (arguments, *surroundings), streams = _next_program(control)
     _become(*surroundings, streams)
-    status = None
+    status = 0
     try:
         _run(*arguments)
     except SystemExit as end:
         if not isinstance(end.code, int | None):
             raise
-        status = end.code
-    _end(status or 0)
+        status = end.code or 0
+    _end(status)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ WHERE = "reference"
 TABLE_STEP_S = 0.02
 """Approximate step of the tables of curved shapes, in s. A reference joins the rows of its table by straight lines.
 
-Up to 50 Hz this is at most one loop period.
+At loop rates up to 50 Hz the step is at most one period.
 """
 
 LONGEST_S = 86_400.0

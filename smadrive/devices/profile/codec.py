@@ -119,7 +119,7 @@ class Codec:
             raise ValueError(self._overflow(value, raw))
 
     def number(self, pattern: int) -> float:
-        """Return the value of a raw pattern in the unit of the register. A sentinel is converted like others."""
+        """Return the value of a raw pattern, also of a sentinel, in the unit of the register."""
         return self._value_of(self._unpack(self.pattern(pattern)), ALONE)
 
     def _decoded(self, words: Sequence[int], context: Context) -> RegisterReading:

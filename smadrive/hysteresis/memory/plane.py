@@ -130,7 +130,7 @@ class PreisachPlane:
         return value + slope * (end - anchor) - before
 
     def since(self, v: float, turn: float, rising: bool) -> tuple[float, float]:
-        """Return the change of the state p from the turning point `turn`, where the section began, to v; and dp/dv."""
+        """Return the change of p from `turn`, where a rising or falling section began, to v, and the slope dp/dv."""
         _, _, _, slope, anchor, value = self._piece(v, turn, rising)
         return value + slope * (v - anchor), slope
 

@@ -182,7 +182,6 @@ def test_run_warns_of_a_reference_within_the_noise(track):
     assert "is it in mm?" in ran["caveats"][0]
 
 
-@pytest.mark.exhaustive
 def test_smoothed_run_reports_its_distance_from_the_given_reference_and_logs_it(track, tmp_path, identified):
     (tmp_path / "wire.json").write_bytes(identified.wire_file.read_bytes())
     ran, log = track("sine:low_mm=2,high_mm=9,period_s=3,cycles=2", "--smooth")

@@ -80,7 +80,6 @@ def test_stuck_sensor_ends_the_adaptation_and_changes_no_rule(rules):
     assert rms(adapted[-1200:]) < rms(fixed[-1200:]) + 1.0
 
 
-@pytest.mark.exhaustive
 def test_spikes_are_rejected(rules):
     rng = np.random.default_rng(2)
     fixed, adapted, adaptation = follow(
@@ -90,7 +89,6 @@ def test_spikes_are_rejected(rules):
     assert rms(adapted) < rms(fixed) + 1.0
 
 
-@pytest.mark.exhaustive
 def test_displaced_sensor_ends_the_adaptation(rules):
     fixed, adapted, adaptation = follow(rules, shown=lambda share, reached_mm: reached_mm + 4.0 * (share > 0.5))
     assert adaptation.sensor_fault

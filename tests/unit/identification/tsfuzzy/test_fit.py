@@ -68,7 +68,6 @@ def test_fit_of_a_noisy_record_can_be_inverted(noisy_fit):
     np.testing.assert_allclose(inverted.y, fit.predicted, rtol=0, atol=1e-8 * abs(fit.model.scale))
 
 
-@pytest.mark.exhaustive
 def test_fit_of_a_record_with_a_gap_is_certified(noisy_record):
     v, y, noisy_v, noise = noisy_record
     kept = ~((v > 85) & (v < 118))
@@ -79,7 +78,6 @@ def test_fit_of_a_record_with_a_gap_is_certified(noisy_record):
     assert w.max() <= 1 + 1e-9
 
 
-@pytest.mark.exhaustive
 def test_branch_so_narrow_that_its_density_underflows_is_fitted():
     """Far from such a branch the local law is 0 = 0: it has no equilibrium there."""
     true = DuhemModel.gaussian(
