@@ -154,12 +154,18 @@ class Page:
 
         This method is called outside of the document's own callbacks, so it only schedules the drawing.
         """
-        self._note = f"{act}: {refused}" if refused else ""
         if refused:
-            self._doc.add_next_tick_callback(self._show_again)
+            self._doc.add_next_tick_callback(partial(self._show_refusal, f"{act}: {refused}"))
+        else:
+            self._note = ""
 
-    def _show_again(self) -> None:
+    def _show_refusal(self, note: str) -> None:
+        """Show `note` and the values in force.
+
+        The OFF count goes to the browser before the note: when the user reads "press again", the next click is valid.
+        """
         self._controls.events.resend_offs(self._clients.channel.offs)
+        self._note = note
         self._shown = {}
         self._show_model(self._clients.status["tuning"])
         self._show_knobs(self._clients.status["tuning"], now=True)
