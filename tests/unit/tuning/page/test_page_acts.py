@@ -8,6 +8,7 @@ import pytest
 from bokeh.document import Document
 from bokeh.events import ButtonClick
 from bokeh.models import Button, ColumnDataSource, Slider, Spinner
+from bokeh.server.callbacks import NextTickCallback
 
 from smadrive.rig.config import rig_file
 from smadrive.tuning.page.button_events import ButtonEvents
@@ -66,9 +67,15 @@ class OpenPage:
                 )
 
     def note_after(self, act):
-        """Do an action, and return the note in the banner of the page."""
+        """Do an action, and return the note in the banner of the page.
+
+        Like the server, this method runs what the action has scheduled for the next tick of the document.
+        """
         self._page._note = ""
         act()
+        for scheduled in self._doc.session_callbacks:
+            if isinstance(scheduled, NextTickCallback):
+                scheduled.callback()
         for _ in range(STATE_FRAMES):
             self._page._draw()
         return self._doc.get_model_by_name("banner").text
