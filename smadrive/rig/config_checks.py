@@ -95,10 +95,13 @@ def _temperature_cure(limit_c: float, wire: WireDataSheet) -> str:
             "the wire file has no temperature_max_c, and nickel-titanium ages above this limit: lower it, or set "
             "temperature_max_c in the wire file if the alloy withstands more"
         )
-    from_kelvin_c = limit_c - ZERO_C_IN_K
-    if wire.ambient_c < from_kelvin_c <= wire.temperature_max_c:
-        cure += f". Is it in kelvin? {limit_c:g} K is {from_kelvin_c:.0f} °C"
-    return cure
+    return cure + _kelvin_hint(limit_c, wire.ambient_c, wire.temperature_max_c)
+
+
+def _kelvin_hint(value: float, low_c: float, high_c: float) -> str:
+    """Return the question whether `value` is in kelvin if it then lies from `low_c` to `high_c`, otherwise ""."""
+    value_c = value - ZERO_C_IN_K
+    return f". Is it in kelvin? {value:g} K is {value_c:.0f} °C" if low_c < value_c <= high_c else ""
 
 
 def _check_current(config: RigConfig, held_a: float) -> None:
@@ -176,12 +179,13 @@ def _check_temperature_step(temperature_c: float, config: RigConfig, balance: He
             f"{DERATE_C:g} K below temperature_max_c = {limits.temperature_max_c:g} °C"
         )
         cure = "choose a lower temperature, or raise temperature_max_c if the data sheet of the wire allows it"
+        hint = _kelvin_hint(temperature_c, balance.ambient_c, most_c)
         raise ConfigError(
             "not a number" if isnan(temperature_c) else hot,
             where="step: temperature",
             value=f"{temperature_c:g} °C",
             limit=f"{most_c:g} °C",
-            cure="choose a temperature below this limit" if isnan(temperature_c) else cure,
+            cure="choose a temperature below this limit" if isnan(temperature_c) else cure + hint,
         )
     if not temperature_c > balance.ambient_c:
         raise ConfigError(

@@ -197,7 +197,7 @@ def _explained(error: BaseException) -> BaseException:
     outcome = shutdown_of(error)
     if isinstance(error, KeyboardInterrupt) and outcome is not None and outcome.confirmed:
         error.args = (str(outcome),)
-    if isinstance(error, BusyError) and error.holder_pid in {client.pid for client in _running}:
+    if isinstance(error, BusyError) and error.holder_pid in {client.pid for client in _running if not client.is_lost}:
         cure = "use the rig that is open, or close it first: call its close(), or open it in a `with` block"
         return BusyError("busy, because this script has a rig open on this line", where=error.where, cure=cure)
     return error

@@ -123,6 +123,13 @@ def test_step_beyond_a_limit_is_refused_before_a_port_is_opened(step, where, lim
     assert (error.value.what == "not a number") is any(value is not None and isnan(value) for value in step)
 
 
+@pytest.mark.parametrize(("temperature", "is_kelvin"), [(353.0, True), (180.0, False), (500.0, False)])
+def test_cure_suggests_kelvin_only_for_a_possible_temperature(temperature, is_kelvin):
+    with pytest.raises(ConfigError) as error:
+        check_step(ManualStep(None, temperature, 1.0), CLOSED.config, CLOSED.data_sheet)
+    assert ("353 K is 80 °C" in error.value.cure) is is_kelvin
+
+
 def test_limits_are_checked_before_the_port(tmp_path):
     done = smadrive("heat", "simulated", "--current", 2, "--for", 1, cwd=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
