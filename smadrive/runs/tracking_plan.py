@@ -16,13 +16,14 @@ from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel, TSFuzzyPreisach
+from smadrive.hysteresis.turning_points import MOST_TURNS
 from smadrive.measurement import Measurement
 from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.cycles import Cycling
 from smadrive.safety.supervisor import check_thermocouple
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.recorded_loops import outside
+from smadrive.wire.recorded_loops import dropped_turns, outside
 from smadrive.wire.wire_model import WireModel, WireState, travel_mm
 
 APPROACH_S = 10.0
@@ -71,10 +72,24 @@ def _caveats_of(identified: IdentifiedWire) -> list[str]:
     return [f"{source}: {caveat}" if source else caveat for caveat in identified.caveats]
 
 
-def _far_from_record(identified: IdentifiedWire, simulated: Feasibility) -> tuple[str, ...]:
-    """Return a caveat if a model with memory is used far from the loops of its record, otherwise nothing."""
+def _memory_caveats(identified: IdentifiedWire, simulated: Feasibility) -> tuple[str, ...]:
+    """Return the caveats about the memory of the model on this run; none for a model without memory."""
     if not isinstance(identified.model, TSFuzzyPreisach):
         return ()
+    return *_far_from_record(identified, simulated), *_forgotten(identified.model, simulated)
+
+
+def _forgotten(model: TSFuzzyPreisach, simulated: Feasibility) -> tuple[str, ...]:
+    """Return a caveat if the loops of the run have more turning points than the model remembers, otherwise nothing."""
+    dropped = dropped_turns(model, simulated.sections_c)
+    if not dropped:
+        return ()
+    many = f"the temperature makes so many loops inside each other that the model forgets {dropped} turning points"
+    return (f"{many}, those of the smallest loops, because it remembers {MOST_TURNS}: use fewer cycles",)
+
+
+def _far_from_record(identified: IdentifiedWire, simulated: Feasibility) -> tuple[str, ...]:
+    """Return a caveat if the model is used far from the loops of its record, otherwise nothing."""
     run, far = simulated.sections_c, outside(simulated.sections_c, identified.sections_c)
     if not far:
         return ()
@@ -108,7 +123,7 @@ def plan_tracking(
             given, nearest = (one.repeated(cycling.remaining, RETURN_S) for one in (given, nearest))
             _simulated(rig, nearest, wire, start).check(limit_c, smooth=smooth, smooth_option=smooth_option)
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
-    caveats = *simulated.caveats, *_caveats_of(identified), *_far_from_record(identified, simulated), *not_adapted
+    caveats = *simulated.caveats, *_caveats_of(identified), *_memory_caveats(identified, simulated), *not_adapted
     return PlannedTracking(given, nearest, wire, caveats, cycling)
 
 

@@ -1,4 +1,4 @@
-"""The loops of the record from which a wire was identified, and the check that a run stays near them.
+"""The loops of the record from which a wire was identified, and two checks of a run: is it near them, is it remembered.
 
 A model with memory knows the wire after a turning point only where the record turned, too. So the sections of the
 record are kept with the model, each as its turning point and its end: of sections that turn at about the same input,
@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from smadrive.hysteresis import TSFuzzyPreisach
 from smadrive.hysteresis.reversal import turning_points
 from smadrive.numerics.arrays import FloatArray
 
@@ -59,3 +60,13 @@ def outside(run: Sections, recorded: Sections) -> Sections:
         if abs(end - turn) > near and not is_near.any():
             found.append((turn, end))
     return tuple(found)
+
+
+def dropped_turns(model: TSFuzzyPreisach, run: Sections) -> int:
+    """Return the number of turning points that `model` drops on a run, because too many loops lie in each other."""
+    if not run:
+        return 0
+    state = model.initial_state(run[0][0])
+    for _, end in run:
+        state = model.step(state, end)
+    return 0 if state.memory is None else state.memory.dropped

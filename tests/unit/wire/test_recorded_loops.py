@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis import DuhemModel
+from smadrive.hysteresis import DuhemModel, PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
+from smadrive.hysteresis.turning_points import MOST_TURNS
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
-from smadrive.wire.recorded_loops import outside, recorded_sections, sections_of
+from smadrive.wire.recorded_loops import dropped_turns, outside, recorded_sections, sections_of
 
+DUHEM = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
+)
 MAJOR = np.array([20.0, 120.0, 20.0])
 NESTED = np.array([20.0, 120.0, 40.0, 110.0, 50.0, 100.0, 60.0, 90.0, 20.0])
 
@@ -45,16 +49,22 @@ def test_sections_near_those_of_a_nested_record_are_not_found():
     assert outside(sections_of(np.array([20.0, 100.0, 75.0, 95.0])), recorded) == ((75.0, 95.0),)
 
 
+@pytest.mark.parametrize(("turns", "dropped"), [(0, 0), (1, 0), (MOST_TURNS - 1, 0), (MOST_TURNS + 9, 10)])
+def test_turning_points_of_too_many_loops_inside_each_other_are_counted(turns, dropped):
+    sets = TriangularSets(tuple(np.linspace(25.0, 125.0, 15)))
+    plane = PreisachPlane([70.0, 110.0], [30.0, 60.0], [[1.0]])
+    model = TSFuzzyPreisach(TSFuzzyDuhem.from_duhem(DUHEM, sets), plane, 0.5)
+    path = [20.0, *(80.0 + (-1) ** number * (40.0 - 0.3 * number) for number in range(turns))]
+    assert dropped_turns(model, sections_of(np.array(path))) == dropped
+
+
 def test_every_run_is_near_an_unknown_record():
     assert outside(sections_of(NESTED), ()) == ()
 
 
 def test_sections_are_kept_in_the_file_of_a_wire(tmp_path):
-    model = DuhemModel.gaussian(
-        mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
-    )
     sections_c = recorded_sections(NESTED)
-    IdentifiedWire(model, sections_c=sections_c).save(tmp_path / "wire.json")
+    IdentifiedWire(DUHEM, sections_c=sections_c).save(tmp_path / "wire.json")
     assert load_wire(tmp_path / "wire.json").sections_c == sections_c
     document = json.loads((tmp_path / "wire.json").read_text())
     document["provenance"]["sections"]["ends_c"].pop()
