@@ -88,6 +88,25 @@ def test_the_plane_is_a_bank_of_relays():
         assert np.abs(Relays(PLANE, count).states(path) - p).max() < resolution
 
 
+def test_a_plane_with_a_narrow_cell_for_each_relay_is_the_bank():
+    """The bank has 64 x 63 = 4,032 relays of random mass."""
+    ups, downs = np.linspace(75.0, 110.0, 64), np.linspace(48.0, 74.0, 63)
+    mass = np.random.default_rng(7).random((64, 63))
+    mass /= mass.sum()
+    cells = np.zeros((127, 125))
+    cells[::2, ::2] = mass
+    narrow = np.array([-1e-9, 1e-9])
+    plane = PreisachPlane(*((relays[:, None] + narrow).ravel() for relays in (ups, downs)), cells)
+    path = np.concatenate([[LOWER], np.random.default_rng(2).uniform(50.0, 110.0, 2000)])
+    model = TSFuzzyPreisach(RULES, plane, 1.0)
+    on, bank = np.zeros_like(mass, dtype=bool), []
+    for v in path:
+        on = (on | (ups <= v)[:, None]) & (downs < v)
+        bank.append(mass[on].sum())
+    assert np.abs((model.simulate(path) - model.offset) / model.scale - bank).max() < 1e-9
+    assert np.abs([state.w for state in walk(model, path)] - np.array(bank)).max() < 1e-9
+
+
 @pytest.mark.parametrize("share", MODELS)
 def test_a_section_solves_the_differential_equation(share):
     model = MODELS[share]
