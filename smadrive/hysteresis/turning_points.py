@@ -19,7 +19,7 @@ Turns = tuple[float, ...]
 class Memory(NamedTuple):
     """The memory of a wire, in addition to its input and its state w.
 
-    local     state of the T-S fuzzy Duhem rules
+    local     state of the T-S fuzzy Duhem rules; it stays at its first value if the plane has the share 1
     plane     state of the Preisach plane
     turns     turning points of the input, the oldest first; the first is the lower end of the range
     dropped   number of turning points that were dropped because there were more than `MOST_TURNS`

@@ -59,6 +59,7 @@ class TSFuzzyPreisach(HysteresisModel):
             raise ModelError("outside input_range", where="thresholds", value=(ends[0], ends[-1]), limit=(lower, upper))
         self.local, self.plane, self.share = rules, plane, float(share)
         self._engine, self._rest = rules.engine, 1.0 - float(share)
+        self._is_plane = self.share == 1.0  # the state x of the rules then has no effect, and is not computed
 
     @property
     def rules(self) -> tuple[Rule | MemoryRule, ...]:
@@ -109,6 +110,8 @@ class TSFuzzyPreisach(HysteresisModel):
         local, _, turns, _ = state.memory or _memory(state)
         v, rising = state.v, direction > 0
         plane = self.plane.slope(v, turns[-1] if rising == (len(turns) % 2 == 1) else v, rising)
+        if self._is_plane:
+            return self.scale * plane
         return self.scale * (self._rest * self._engine.slope(local, v, rising) + self.share * plane)
 
     def _state(self, v: float, memory: Memory) -> HysteresisState:
@@ -155,7 +158,9 @@ class TSFuzzyPreisach(HysteresisModel):
             for turn, end in parts:
                 plane += self.plane.change(start, end, turn, rising)
                 start = end
-        return Memory(self._engine.move(local, v0, v1), self.plane.clamp(plane, v1), turns, dropped)
+        if not self._is_plane:
+            local = self._engine.move(local, v0, v1)
+        return Memory(local, self.plane.clamp(plane, v1), turns, dropped)
 
     def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:  # noqa: ARG002
         """Return `state` with the input v and the output at v on the present section; no turning point is added.
@@ -229,8 +234,11 @@ class TSFuzzyPreisach(HysteresisModel):
         return at
 
     def _trajectory(self, v: FloatArray, start: HysteresisState, out: FloatArray) -> None:
-        self._engine.trajectory(v, _memory(start).local, out)
-        out *= self._rest
+        if self._is_plane:
+            out.fill(0.0)
+        else:
+            self._engine.trajectory(v, _memory(start).local, out)
+            out *= self._rest
         out += self.share * plane_states(self.plane, np.clip(v, *self.input_range), _memory(start))
 
 

@@ -38,8 +38,7 @@ if TYPE_CHECKING:
 MOST_THRESHOLDS = 200
 """The largest number of thresholds on each axis. A wire needs at most 40."""
 
-_ROUNDING = 1e-9
-_CLOSE = 1e-12
+_ROUNDING, _CLOSE = 1e-9, 1e-12
 
 _Piece = tuple[float, float, float, float, float, float]
 """Turning point, lowest input, first input above the piece, slope, an input of the piece, and p there."""
@@ -68,7 +67,7 @@ class PreisachPlane:
         self._down: list[float] = self.down_thresholds.tolist()
         self._last_up, self._last_down = len(self._up) - 2, len(self._down) - 2
         self._columns: list[list[float]] = (-table.T).tolist()
-        self._latest = [_NO_PIECE, _NO_PIECE]  # of falling and of rising input
+        self._latest, self._before = [_NO_PIECE, _NO_PIECE], [_NO_PIECE, _NO_PIECE]  # of falling and of rising input
         self._knots: list[float] = np.union1d(self.up_thresholds, self.down_thresholds).tolist()
         self._bounds = self._tabulated_bounds()
 
@@ -109,10 +108,7 @@ class PreisachPlane:
 
         The section of the input began at the turning point `turn`.
         """
-        piece = self._latest[rising]
-        if piece[0] != turn or not piece[1] <= v < piece[2]:
-            piece = self._piece(v, turn, rising)
-        return piece[3]
+        return self._piece(v, turn, rising)[3]
 
     def change(self, start: float, end: float, turn: float, rising: bool) -> float:
         """Return the change of p while the input moves from `start` to `end` on the section that began at `turn`.
@@ -137,11 +133,18 @@ class PreisachPlane:
     def _piece(self, v: float, turn: float, rising: bool) -> _Piece:
         """Return the straight piece of p at v, on the section that began at `turn`; p is counted from the turn.
 
-        A controller asks for a piece many times in a row, so the latest piece of each direction is kept.
+        The latest two pieces of each direction are kept: a controller asks for that of the wire and that of its target.
         """
-        piece = self._latest[rising]
-        if piece[0] == turn and piece[1] <= v < piece[2]:
-            return piece
+        latest = self._latest[rising]
+        if latest[0] == turn and latest[1] <= v < latest[2]:
+            return latest
+        piece = self._before[rising]
+        if piece[0] != turn or not piece[1] <= v < piece[2]:
+            piece = self._computed_piece(v, turn, rising)
+        self._latest[rising], self._before[rising] = piece, latest
+        return piece
+
+    def _computed_piece(self, v: float, turn: float, rising: bool) -> _Piece:
         knots, rows = (self._up, self._rows) if rising else (self._down, self._columns)
         across = self._down if rising else self._up
         last = len(knots) - 1
@@ -154,13 +157,10 @@ class PreisachPlane:
         low, high = knots[cell], knots[cell + 1]
         slope = (top - value) / (high - low)
         if v < low:
-            piece = turn, -inf, low, 0.0, low, value
-        elif v > high:
-            piece = turn, nextafter(high, inf), inf, 0.0, high, top
-        else:
-            piece = turn, low, high if cell < last - 1 else nextafter(high, inf), slope, low, value
-        self._latest[rising] = piece
-        return piece
+            return turn, -inf, low, 0.0, low, value
+        if v > high:
+            return turn, nextafter(high, inf), inf, 0.0, high, top
+        return turn, low, high if cell < last - 1 else nextafter(high, inf), slope, low, value
 
     def branch(self, v: float, *, rising: bool) -> float:
         """Return the plane's state p at v on the heating branch if `rising`, otherwise on the cooling branch."""
