@@ -9,7 +9,8 @@
 The caller moves time: `advance_to` runs the bench in ticks of 10 ms. The same config, seed and calls give the same
 results, to the last bit, at any speed. Only the serial number of a device is random at every start, unless the config
 gives one. So a driver can distinguish a simulated device from other devices. A fault is a method of `device`, of
-`device.faults` (faults of the bus), of `sensors.faults`, of `plant.faults` (heater circuit) or of `plant.ageing`.
+`device.faults` (faults of the bus), of `sensors.faults`, of `sensors.bead`, of `plant.faults` (heater circuit), of
+`plant.surroundings`, of `plant.load` or of `plant.ageing`.
 """
 
 from __future__ import annotations
@@ -117,7 +118,7 @@ class SimulatedBench:
 
         The names of a device's faults begin with the name of the device and a dot, if the device has a name.
         """
-        faults = self.sensors.faults.by_name() | self.plant.faults.by_name() | self.plant.ageing.by_name()
+        faults = self.sensors.faults.by_name() | self.sensors.bead.by_name() | self.plant.faults_by_name()
         for device in self.devices:
             prefix = f"{device.name}." if device.name else ""
             faults |= {prefix + name: fault for name, fault in device.faults.by_name().items()}

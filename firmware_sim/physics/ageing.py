@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from firmware_sim.fault_parameters import Fraction, Positive
+from firmware_sim.physics.ramp import Ramp
 
 
 class Ageing:
@@ -20,23 +21,19 @@ class Ageing:
     def __init__(self) -> None:
         self.shift_c = 0.0
         self.fade = 0.0
-        self._left_s = 0.0
-        self._shift_per_s = 0.0
-        self._fade_per_s = 0.0
+        self._shift_c, self._fade = Ramp(0.0), Ramp(0.0)
 
     def age_wire(self, shift_c: float, over_s: Positive, fade: Fraction = 0.0) -> None:
         """Change the shift to `shift_c` (K) and the fade to `fade` (0 to 1), both linearly within `over_s`."""
-        self._left_s = over_s
-        self._shift_per_s = (shift_c - self.shift_c) / over_s
-        self._fade_per_s = (fade - self.fade) / over_s
+        self._shift_c.begin(shift_c, over_s)
+        self._fade.begin(fade, over_s)
 
     def advance(self, dt_s: float) -> None:
         """Let `dt_s` pass."""
-        if self._left_s > 0.0:
-            dt_s = min(dt_s, self._left_s)
-            self._left_s -= dt_s
-            self.shift_c += self._shift_per_s * dt_s
-            self.fade += self._fade_per_s * dt_s
+        if self._shift_c.is_changing:
+            self._shift_c.advance(dt_s)
+            self._fade.advance(dt_s)
+            self.shift_c, self.fade = self._shift_c.value, self._fade.value
 
     def by_name(self) -> dict[str, Callable[..., None]]:
         """Return the methods that a fault script can call, by name: only `age_wire`."""

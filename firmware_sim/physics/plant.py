@@ -10,11 +10,14 @@ at most 10 ms and about 1 K keep the error far below the sensors' noise.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import expm1, inf
 
 from firmware_sim.config import SimConfig
 from firmware_sim.physics.ageing import Ageing
 from firmware_sim.physics.heater_faults import HeaterFaults
+from firmware_sim.physics.load import Load
+from firmware_sim.physics.surroundings import Surroundings
 from firmware_sim.physics.transformation import LoadedTransformation
 
 SUBSTEP_S = 0.01
@@ -22,7 +25,10 @@ SUBSTEP_K = 1.0
 
 
 class Plant:
-    """A wire that starts at ambient temperature, all martensite. `faults` are the faults of its heater circuit."""
+    """A wire that starts at ambient temperature, all martensite.
+
+    `faults` are the faults of its heater circuit. `surroundings`, `load` and `ageing` change while it works.
+    """
 
     def __init__(self, config: SimConfig) -> None:
         wire = config.wire
@@ -30,9 +36,9 @@ class Plant:
         self.current_a = 0.0
         self.voltage_v = 0.0
         self.faults = HeaterFaults()
-        self.ageing = Ageing()
+        self.ageing, self.load = Ageing(), Load()
+        self.surroundings = Surroundings(wire.ambient_c, wire.loss_w_per_k)
         self._transformation = LoadedTransformation(config.transformation, config.bias, wire.stroke_mm, wire.ambient_c)
-        self._ambient_c, self._loss_w_per_k = wire.ambient_c, wire.loss_w_per_k
         self._heat_capacity_j_per_k = wire.heat_capacity_j_per_k
         self._latent_j = wire.mass_kg * wire.latent_heat_j_per_kg
         self._cold_ohm, self._change = wire.resistance_cold_ohm, wire.resistance_change
@@ -49,6 +55,10 @@ class Plant:
     def displacement_mm(self) -> float:
         """Contraction of the wire, mm."""
         return self._stroke_mm * (1.0 - self.ageing.fade) * self._transformation.phase
+
+    def faults_by_name(self) -> dict[str, Callable[..., None]]:
+        """Return the methods that a fault script can call, by name."""
+        return self.faults.by_name() | self.surroundings.by_name() | self.load.by_name() | self.ageing.by_name()
 
     def _resistance_ohm(self) -> float:
         return self._cold_ohm * (1.0 + self._change * self._transformation.phase)
@@ -80,12 +90,17 @@ class Plant:
         self.voltage_v = self.current_a * loop_ohm
 
     def _substep(self, remaining_s: float) -> float:
-        settled_c = self._ambient_c + self.current_a**2 * self.resistance_ohm / self._loss_w_per_k
+        loss_w_per_k = self.surroundings.loss_w_per_k
+        settled_c = self.surroundings.ambient_c + self.current_a**2 * self.resistance_ohm / loss_w_per_k
         offset_c = settled_c - self.temperature_c
         slope_per_k = self._transformation.slope(rising=offset_c > 0)
-        rate_per_s = self._loss_w_per_k / (self._heat_capacity_j_per_k + self._latent_j * slope_per_k)
+        rate_per_s = loss_w_per_k / (self._heat_capacity_j_per_k + self._latent_j * slope_per_k)
         dt_s = min(remaining_s, SUBSTEP_S, SUBSTEP_K / (abs(offset_c) * rate_per_s + 1e-9))
+        self.surroundings.advance(dt_s)
         self.temperature_c -= offset_c * expm1(-dt_s * rate_per_s)
         self._transformation.move_to(self.temperature_c - self.ageing.shift_c)
+        if change_mpa := self.load.advance(dt_s):
+            latent_k = self._latent_j / self._heat_capacity_j_per_k
+            self.temperature_c += self._transformation.change_stress(change_mpa, latent_k)
         self.resistance_ohm = self._resistance_ohm()
         return dt_s

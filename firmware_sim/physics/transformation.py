@@ -16,6 +16,7 @@ from math import pi
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar
 
 from firmware_sim.config import Bias, Branches, Transformation
+from firmware_sim.physics.flexinol import COOLING_MPA_PER_K, HEATING_MPA_PER_K
 from firmware_sim.physics.preisach import Preisach
 from smadrive.hysteresis import DuhemModel
 from smadrive.hysteresis.mixture import GaussianMixture
@@ -72,10 +73,14 @@ class Duhem:
 class LoadedTransformation:
     """The transformation of a wire under a bias load.
 
-    Without `bias`, the transformation temperatures in the config are those of the loaded wire.
+    Without `bias`, the transformation temperatures in the config are those of the wire under a constant load. A further
+    load then shifts them like those of Flexinol.
     """
 
     def __init__(self, transformation: Transformation, bias: Bias | None, stroke_mm: float, ambient_c: float) -> None:
+        self._mpa_per_k = (
+            (HEATING_MPA_PER_K, COOLING_MPA_PER_K) if bias is None else (bias.heating_mpa_per_k, bias.cooling_mpa_per_k)
+        )
         self._hysteresis = _hysteresis(transformation)
         heating, cooling = (_Shift(0.0, 0.0), _Shift(0.0, 0.0)) if bias is None else _shifts(bias, stroke_mm)
         self._heating, self._cooling = heating, cooling
@@ -86,30 +91,52 @@ class LoadedTransformation:
     def slope(self, *, rising: bool) -> float:
         """Return the present slope dξ/dT, in 1/K, for a rising or falling temperature."""
         shift = self._heating if rising else self._cooling
-        v = self._temperature_c - (shift.unstretched_k + shift.per_phase_k * self.phase)
-        slope = self._hysteresis.slope(self._state, v, rising)
+        slope = self._hysteresis.slope(self._state, self._input(shift), rising)
         return slope / (1.0 + shift.per_phase_k * slope)
 
     def move_to(self, temperature_c: float) -> None:
         """Move the temperature monotonically to `temperature_c`."""
         rising = temperature_c > self._temperature_c
         shift = self._heating if rising else self._cooling
-        v0 = self._temperature_c - (shift.unstretched_k + shift.per_phase_k * self.phase)
+        self._move(shift, self._input(shift), temperature_c, rising)
+
+    def change_stress(self, mpa: float, latent_k: float) -> float:
+        """Raise the stress by `mpa`. Return the change of the wire temperature in K, by the latent heat.
+
+        `latent_k` is the latent heat divided by the heat capacity. A load that turns the fraction dξ to martensite
+        warms the wire by `latent_k` dξ, which takes back a part of the change of the input v.
+        """
+        rising = mpa < 0.0
+        before = self._heating if rising else self._cooling
+        v0, heated = self._input(before), latent_k * self.slope(rising=rising)
+        heating_k, cooling_k = mpa / self._mpa_per_k[0], mpa / self._mpa_per_k[1]
+        self._heating, self._cooling = self._heating.by(heating_k), self._cooling.by(cooling_k)
+        change_k = (heating_k if rising else cooling_k) * heated / (1.0 + heated)
+        after = self._heating if rising else self._cooling
+        self._move(after, v0, self._temperature_c + change_k, rising)
+        return change_k
+
+    def _input(self, shift: _Shift) -> float:
+        """Return the present input v of the hysteresis for this shift of a branch."""
+        return self._temperature_c - (shift.unstretched_k + shift.per_phase_k * self.phase)
+
+    def _move(self, shift: _Shift, v0: float, temperature_c: float, rising: bool) -> None:
+        """Move the input from `v0` to the equilibrium at `temperature_c` under the stress of `shift`."""
         self._state = (
-            self._moved_against_spring(shift, v0, temperature_c)
+            self._moved_against_spring(shift, v0, temperature_c, rising)
             if shift.per_phase_k
             else self._hysteresis.moved(self._state, v0, temperature_c - shift.unstretched_k)
         )
         self._temperature_c = temperature_c
         self.phase = self._hysteresis.phase(self._state)
 
-    def _moved_against_spring(self, shift: _Shift, v0: float, temperature_c: float) -> Any:
+    def _moved_against_spring(self, shift: _Shift, v0: float, temperature_c: float, rising: bool) -> Any:
         """Return the hysteresis state in equilibrium with the spring at `temperature_c`.
 
         `v0` is the input before. Newton's method finds the equilibrium between two bounds.
         """
-        hysteresis, rising = self._hysteresis, temperature_c > self._temperature_c
-        bounds = sorted((v0, v0 + temperature_c - self._temperature_c))
+        hysteresis = self._hysteresis
+        bounds = sorted((v0, temperature_c - (shift.unstretched_k + shift.per_phase_k * self.phase)))
         v, state, phase = v0, self._state, self.phase
         for _ in range(MAX_STEPS):
             residual_k = temperature_c - (shift.unstretched_k + shift.per_phase_k * phase) - v
@@ -133,6 +160,10 @@ class _Shift(NamedTuple):
 
     unstretched_k: float
     per_phase_k: float
+
+    def by(self, further_k: float) -> _Shift:
+        """Return the shift under a load that shifts the branch by `further_k`, K, in addition."""
+        return self._replace(unstretched_k=self.unstretched_k + further_k)
 
 
 def _shifts(bias: Bias, stroke_mm: float) -> tuple[_Shift, _Shift]:

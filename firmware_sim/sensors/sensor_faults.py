@@ -1,7 +1,7 @@
 """Faults of the sensors: the reading that a sensor shows differs from the right reading.
 
     thermocouple   open, short (which the converter detects); bridge, reverse, freeze, stop_conversions, drift, spike
-    displacement   stick, spike
+    displacement   stick, slip, spike
     sense          lose_current, lose_voltage (the device that heats measures NaN)
 
 Each fault lasts for `for_s` seconds, or until the sensor is mended. A new fault of a sensor ends its previous one.
@@ -19,7 +19,7 @@ from firmware_sim.fault_parameters import Seconds, Share
 SENSOR_FAULTS = (
     *("open_thermocouple", "short_thermocouple", "bridge_thermocouple", "reverse_thermocouple", "freeze_thermocouple"),
     *("stop_conversions", "drift_thermocouple", "spike_thermocouple", "mend_thermocouple"),
-    *("stick_displacement", "spike_displacement", "mend_displacement"),
+    *("stick_displacement", "slip_displacement", "spike_displacement", "mend_displacement"),
     *("lose_current", "lose_voltage", "mend_sense"),
 )
 HEALTHY = "none"
@@ -118,6 +118,10 @@ class SensorFaults:
     def stick_displacement(self, for_s: Seconds | None = None) -> None:
         """The sensor repeats its last value."""
         self.displacement.begin("stuck", for_s, lambda sample, _age_s: sample.previous)
+
+    def slip_displacement(self, offset_mm: float, for_s: Seconds | None = None) -> None:
+        """The sensor, or its target on the wire, has slipped: every reading is `offset_mm` too high."""
+        self.displacement.begin("slipped", for_s, lambda sample, _age_s: sample.right + offset_mm)
 
     def spike_displacement(self, height_mm: float, share: Share = 0.05, for_s: Seconds | None = None) -> None:
         """The fraction `share` of the readings is `height_mm` too high."""

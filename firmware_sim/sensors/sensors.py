@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
-from math import exp
-
 from firmware_sim.config import SimConfig
 from firmware_sim.physics.plant import Plant
+from firmware_sim.sensors.bead import Bead
 from firmware_sim.sensors.noise import Noise
 from firmware_sim.sensors.sensor_faults import SensorFaults
 
 
 class Sensors:
-    """The sensors on one plant, and their `faults`. The same seed gives the same noise."""
+    """The sensors on one plant, with the `bead` of the thermocouple and the `faults` of all sensors.
+
+    The same seed gives the same noise.
+    """
 
     def __init__(self, config: SimConfig, plant: Plant, seed: int) -> None:
         self.faults = SensorFaults(seed)
         thermocouple, sense, displacement = config.thermocouple, config.sense, config.displacement
-        self._lag_s, self._noise_c, self._quantum_c = thermocouple.lag_s, thermocouple.noise_c, thermocouple.quantum_c
+        self._noise_c, self._quantum_c = thermocouple.noise_c, thermocouple.quantum_c
         self._conversion_s = thermocouple.conversion_s
         self._drift_c_per_h = thermocouple.cold_junction_drift_c_per_h
         self._noise_a, self._noise_v = sense.current_noise_a, sense.voltage_noise_v
         self._noise_mm = None if displacement is None else displacement.noise_mm
         self._plant = plant
         self._noise = Noise(seed)
-        self._bead_c = plant.temperature_c
+        self.bead = Bead(plant.temperature_c, thermocouple.lag_s)
         self._since_conversion_s = 0.0
         self._shown_mm = plant.displacement_mm
         self.conversions = 0
@@ -45,7 +47,7 @@ class Sensors:
     def advance(self, wire_before_c: float, dt_s: float) -> None:
         """Update the readings after the plant advanced by `dt_s`, beginning at the wire temperature `wire_before_c`."""
         self.faults.advance(dt_s)
-        self._lag(wire_before_c, self._plant.temperature_c, dt_s)
+        self.bead.advance(wire_before_c, self._plant.temperature_c, self._plant.surroundings.ambient_c, dt_s)
         self.cold_junction_c += self._drift_c_per_h * dt_s / 3600
         self._since_conversion_s += dt_s
         stopped = self.faults.thermocouple.name == "stopped"
@@ -63,21 +65,8 @@ class Sensors:
         self._shown_mm = self.faults.displacement.shown(right_mm, self._shown_mm)
         return self._shown_mm
 
-    def _lag(self, before_c: float, after_c: float, dt_s: float) -> None:
-        """Advance the temperature of the thermocouple by its first-order lag.
-
-        The step is exact for a wire temperature that changes linearly from `before_c` to `after_c`.
-        """
-        lag_s = self._lag_s
-        if lag_s == 0.0:
-            self._bead_c = after_c
-            return
-        decay = exp(-dt_s / lag_s)
-        steady_c = after_c - before_c - (after_c - before_c) * lag_s / dt_s * (1.0 - decay)
-        self._bead_c = before_c + steady_c + (self._bead_c - before_c) * decay
-
     def _convert(self) -> None:
-        right_c = self._bead_c + self._noise_c * self._noise.next()
+        right_c = self.bead.temperature_c + self._noise_c * self._noise.next()
         shown_c = self.faults.thermocouple.shown(right_c, self.temperature_c, self.cold_junction_c)
         self.temperature_c = round(shown_c / self._quantum_c) * self._quantum_c
 

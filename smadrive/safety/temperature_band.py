@@ -51,7 +51,7 @@ class Uncertainty:
 NOMINAL = Uncertainty(capacity=3.0, loss=1.6)
 """For a data sheet: published specific heats differ by a factor of 2.6. The factor of the loss holds for still air."""
 IDENTIFIED = Uncertainty(capacity=1.5, loss=1.4)
-"""For a heat balance that was identified on this rig; the loss includes some draught."""
+"""For a heat balance that was identified on this rig; the loss includes some draft."""
 UNCERTAINTIES = {BalanceSource.DATA_SHEET: NOMINAL, BalanceSource.IDENTIFIED: IDENTIFIED}
 """Uncertainty of a heat balance, by its source."""
 

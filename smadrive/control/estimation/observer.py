@@ -1,7 +1,7 @@
 """Estimate of wire temperature and phase from heater power, lagging thermocouple and, if measured, displacement.
 
 State x = (T, T_tc, d, ξ): wire temperature, thermocouple temperature, a slowly drifting power d that the heat balance
-does not explain (draught, wrong h A), and the phase. The measured displacement gives the phase. The prediction uses the
+does not explain (draft, wrong h A), and the phase. The measured displacement gives the phase. The prediction uses the
 heat balance with the latent heat of the transformation, and the hysteresis model. The correction uses a Kalman gain.
 
 The hysteresis model is linear only locally. Its rules i, at their firing strengths μ_i, give the slope of the phase

@@ -44,7 +44,7 @@ class Case:
     numbers        fault numbers with which the run may end; without any, the run must not trip
     within_s       deadline for zero current
     hottest_c      highest permitted temperature of the wire. Only a reading that drifts down, before the wire is
-                   identified, may let the wire exceed the limit: it looks like a draught
+                   identified, may let the wire exceed the limit: it looks like a draft
     harmless       the run need not notice the fault unless the wire gets too hot
     unstoppable    only the user can end the current, and the driver must report that
     """
@@ -120,7 +120,14 @@ def unsteady():
         Case("limit_voltage", (*latched, Fault.CURRENT_MISMATCH), 30.0, {"voltage_v": 2.5}, harmless=True),
         Case("stick_displacement", (), harmless=True),
         Case("spike_displacement", (), parameters={"height_mm": 5.0}, harmless=True),
+        Case("slip_displacement", parameters={"offset_mm": 1.0}),
         Case("age_wire", parameters={"shift_c": 3.0, "fade": 0.05, "over_s": 10.0}),
+        Case("draft", parameters={"factor": 1.3, "for_s": 20.0}),
+        Case("draft", (*lies, *latched), 30.0, {"factor": 4.0, "for_s": 20.0}, harmless=True),
+        Case("drift_ambient", parameters={"kelvin": 8.0, "over_s": 60.0}),
+        Case("step_load", parameters={"mpa": 60.0}),
+        Case("step_load", parameters={"mpa": -60.0}),
+        Case("loosen_bead", (*lies, *latched), 30.0, {"contact": 0.05, "over_s": 5.0}, harmless=True, hottest_c=200.0),
     ]
 
 

@@ -1,11 +1,13 @@
 """The plant against exact solutions, conservation of heat, and the vendor's figures."""
 
-from math import exp
+from math import exp, pi
 
 import pytest
 
 from firmware_sim.config import load_sim
+from firmware_sim.physics.flexinol import flexinol
 from firmware_sim.physics.plant import Plant
+from firmware_sim.physics.surroundings import Surroundings
 from firmware_sim.sensors.sensors import Sensors
 
 CONFIG = load_sim("flexinol-lt-0.15mm")
@@ -47,6 +49,69 @@ def test_ageing_is_linear_and_permanent(plant):
         until(wire, 0.3, lambda one, at_c=at_c: one.temperature_c >= at_c)
     assert plant.phase == pytest.approx(young.phase, abs=0.02)
     assert plant.displacement_mm == pytest.approx(0.95 * CONFIG.wire.stroke_mm * plant.phase)
+
+
+def settled_c(plant, loss_factor=1.0, ambient_c=CONFIG.wire.ambient_c):
+    wire = CONFIG.wire
+    return ambient_c + plant.current_a**2 * plant.resistance_ohm / (loss_factor * wire.loss_w_per_k)
+
+
+def test_draft_multiplies_the_loss_and_ceases(plant):
+    plant.surroundings.draft(2.0, for_s=40.0, ramp_s=4.0)
+    plant.advance(0.1, 2.0)
+    assert plant.surroundings.loss_w_per_k == pytest.approx(1.5 * CONFIG.wire.loss_w_per_k)
+    plant.advance(0.1, 37.0)
+    assert plant.temperature_c == pytest.approx(settled_c(plant, loss_factor=2.0), abs=1e-3)
+    plant.advance(0.1, 3.0)
+    assert plant.surroundings.loss_w_per_k == pytest.approx(1.5 * CONFIG.wire.loss_w_per_k)
+    plant.advance(0.1, 40.0)
+    assert plant.temperature_c == pytest.approx(settled_c(plant), abs=1e-3)
+
+
+def test_ambient_temperature_drifts(plant):
+    plant.surroundings.drift_ambient(8.0, over_s=60.0)
+    plant.advance(0.1, 30.0)
+    assert plant.surroundings.ambient_c == pytest.approx(CONFIG.wire.ambient_c + 4.0)
+    plant.advance(0.1, 60.0)
+    assert plant.temperature_c == pytest.approx(settled_c(plant, ambient_c=CONFIG.wire.ambient_c + 8.0), abs=1e-3)
+
+
+def half_cooled(plant):
+    until(plant, 0.41, lambda one: one.temperature_c > 150.0)
+    until(plant, 0.0, lambda one: one.phase < 0.5)
+
+
+@pytest.mark.parametrize("kind", ["dead weight", "spring"])
+def test_step_of_the_load_gives_a_wire_of_the_new_load(kind):
+    """After both branches were passed, the history of the load has no effect."""
+    stiffness = 0.0 if kind == "dead weight" else 0.05
+    nominal = flexinol(0.15)
+    light = nominal.bias.model_copy(update={"stiffness_n_per_mm": stiffness})
+    heavy = light.model_copy(update={"preload_n": light.preload_n + 60.0 * pi * 0.15**2 / 4})
+    stepped, new = (Plant(nominal.model_copy(update={"bias": bias})) for bias in (light, heavy))
+    half_cooled(stepped)
+    phase = stepped.phase
+    stepped.load.step_load(60.0)
+    stepped.advance(0.0, 0.1)
+    assert stepped.phase < phase - 0.1
+    for plant in (stepped, new):
+        until(plant, 0.41, lambda one: one.temperature_c > 150.0)
+        until(plant, 0.0, lambda one: one.temperature_c < 85.0)
+    assert stepped.phase == pytest.approx(new.phase, abs=0.02)
+
+
+@pytest.mark.parametrize("mpa", [60.0, -60.0])
+def test_step_of_the_load_conserves_heat(mpa):
+    """Without loss, what the transformation gives off warms the wire."""
+    plant, wire = Plant(CONFIG), CONFIG.wire
+    half_cooled(plant) if mpa > 0.0 else until(plant, 0.3, lambda one: one.phase > 0.5)
+    plant.surroundings = Surroundings(wire.ambient_c, 1e-9)
+    before_c, phase = plant.temperature_c, plant.phase
+    plant.load.step_load(mpa)
+    plant.advance(0.0, 0.5)
+    assert (phase - plant.phase) * mpa > 5.0
+    given_off_j = wire.mass_kg * wire.latent_heat_j_per_kg * (phase - plant.phase)
+    assert wire.heat_capacity_j_per_k * (plant.temperature_c - before_c) == pytest.approx(given_off_j, rel=0.05)
 
 
 def test_temperature_without_transformation_follows_the_exact_solution(plant):
