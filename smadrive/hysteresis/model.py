@@ -87,14 +87,6 @@ class HysteresisModel(ABC):
         """
 
     @abstractmethod
-    def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
-        """Return `state` with its input replaced by the estimate v, and its output by the model's output at v.
-
-        The model makes no step, so no turning point is added. `direction` is the direction of the last move of the
-        input: +1 or -1.
-        """
-
-    @abstractmethod
     def _on_branch(self, v: float) -> HysteresisState:
         """Return the state on the heating branch."""
 

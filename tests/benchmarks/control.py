@@ -4,7 +4,8 @@ Every plant is random. It is excited and identified like a real wire, then track
 time, without and with a displacement sensor in the run. The error is setpoint minus true displacement after the
 approach, in % of the true stroke. The table gives median and worst over the plants; plants whose hysteresis is a
 Preisach model have their own rows. The sine is tracked as requested. The other references are first smoothed to the
-fastest possible cooling, and all controllers of a plant track the same smoothed reference.
+fastest possible cooling, and all controllers of a plant track the same smoothed reference. With --disturbance, the
+surroundings or the load of the wire change at a random time of every run.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import argparse
 import os
 from collections import defaultdict
 from dataclasses import replace
+from random import Random
 from typing import NamedTuple
 
 import numpy as np
@@ -39,6 +41,14 @@ APPROACH_S = 10.0
 RIG = load_rig("in-process")
 NOMINAL = load_sim("flexinol-lt-0.15mm")
 SINE = "sine 0.0178 Hz"
+DISTURBANCES = {
+    "none": lambda _plant: None,
+    "draft": lambda plant: plant.surroundings.draft(1.6, for_s=20.0, ramp_s=1.0),
+    "warmer": lambda plant: plant.surroundings.drift_ambient(8.0, over_s=60.0),
+    "colder": lambda plant: plant.surroundings.drift_ambient(-8.0, over_s=60.0),
+    "more load": lambda plant: plant.load.step_load(60.0),
+    "less load": lambda plant: plant.load.step_load(-60.0),
+}
 CONTROLLERS = ("T-S inverse", "Duhem inverse", "no hysteresis compensation", "PID only")
 
 
@@ -145,11 +155,17 @@ def controller(name: str, wire: Wire, reference: Reference, *, sensor: bool):
     return TrackingController(reference, model, inverse, settings)
 
 
-def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: bool) -> tuple[float, float]:
+def track(
+    name: str, wire: Wire, reference: Reference, seed: int, *, sensor: bool, disturbance: str
+) -> tuple[float, float]:
     """Return the RMS and the largest error of one run in %. Both are infinite after a trip."""
     simulated, rows = SimulatedRig(wire.sim, seed, sensor=sensor), []
+    coming = [reference.scored_from_s + Random(seed).uniform(5.0, 60.0)]
 
     def record(tick):
+        if coming and tick.time_s >= coming[0]:
+            coming.clear()
+            DISTURBANCES[disturbance](simulated.plant)
         rows.append((tick.time_s, simulated.plant.displacement_mm))
 
     try:
@@ -166,7 +182,7 @@ def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: boo
     return float(np.sqrt(np.mean(percent**2))), float(np.max(np.abs(percent)))
 
 
-def study(plants: int, others: int, baselines: int, seed: int, kind: HysteresisKind | None):
+def study(plants: int, others: int, baselines: int, seed: int, kind: HysteresisKind | None, disturbance: str):
     """Return the errors of all runs: {(wires, reference, controller, sensor): [(rms, max) for each plant]}."""
     results = defaultdict(list)
     for number in range(seed, seed + plants):
@@ -177,7 +193,7 @@ def study(plants: int, others: int, baselines: int, seed: int, kind: HysteresisK
         for title, reference in references(wire.models[CONTROLLERS[0]], others=number < seed + others).items():
             for name in CONTROLLERS if compared else CONTROLLERS[:1]:
                 for sensor in (False, True):
-                    figures = track(name, wire, reference, number + 1000, sensor=sensor)
+                    figures = track(name, wire, reference, number + 1000, sensor=sensor, disturbance=disturbance)
                     results[wires, title, name, sensor].append(figures)
         errors = [
             f"{' / '.join(f'{x:.2f}' for x in results[wires, SINE, CONTROLLERS[0], s][-1])} %" for s in (False, True)
@@ -209,6 +225,7 @@ if __name__ == "__main__":
     )
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kind", choices=KINDS, default=None, help="kind of the plants' hysteresis; default: random")
+    parser.add_argument("--disturbance", choices=DISTURBANCES, default="none")
     arguments = parser.parse_args()
     os.nice(10)
-    table(study(arguments.plants, arguments.others, arguments.baselines, arguments.seed, arguments.kind))
+    table(study(**vars(arguments)))

@@ -11,6 +11,9 @@ phase. m c, Q, h A and lag are parameters of the heat balance: heat capacity, la
 T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete Riccati
 equation. There is one gain for the thermocouple alone. For thermocouple and displacement together there is one gain for
 each of several slopes.
+
+Each gain is solved twice: for calm air, where d drifts slowly, and for a disturbance, where d changes within a second.
+The larger gain follows a draft, but also the noise. The innovation test (innovation.py) decides between the two.
 """
 
 from __future__ import annotations
@@ -27,14 +30,27 @@ from smadrive.wire.wire_model import WireModel
 
 Array = NDArray[np.float64]
 
-PROCESS_NOISE_C = 0.015
-"""Error of the heat balance in the wire temperature: standard deviation after one second, K."""
 
-DRIFT_NOISE_C = 0.2
-"""Drift of the unexplained power, divided by h A: standard deviation after one second, K."""
+class ProcessNoise(NamedTuple):
+    """The errors of the heat balance: standard deviations after one second, K.
+
+    `wire_c` is the error of the wire temperature, `drift_c` the drift of the unexplained power, divided by h A.
+    """
+
+    wire_c: float
+    drift_c: float
+
+
+CALM = ProcessNoise(0.015, 0.2)
+"""The noise without a disturbance."""
+
+DISTURBED = ProcessNoise(0.1, 20.0)
+"""The noise in a disturbance. More drift would follow a draft faster, but the noise of the thermocouple, too."""
 
 PHASE_NOISE = 0.003
 """Error of the hysteresis model: standard deviation of the phase after one second."""
+
+MOST_NOISES = 10.0
 
 SLOPES = 9
 """Number of slopes for which the gain is solved, from zero to the steepest of the model."""
@@ -62,53 +78,74 @@ class GainSchedule:
 
     `slope` is the derivative of the phase with respect to the wire temperature, 1/K. The phase is the displacement as a
     share of the travel. `read_c` and `seen` are measured - expected value: `read_c` of the thermocouple in K, `seen` of
-    the phase.
+    the phase. `doubt` goes from 0, for the gains in calm air, to 1, for the gains in a disturbance. The larger gains
+    apply to at most `MOST_NOISES` standard deviations of the noise, because a spike of a sensor is no disturbance. The
+    standard deviations of the noise are `noise_c` of the thermocouple, K, and `noise` of the measured phase.
     """
 
-    def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise_mm: float) -> None:
+    def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float) -> None:
         balance = wire.balance
         slopes = np.linspace(0.0, _steepest(wire), SLOPES).tolist()
-        noise = np.diag([noise_c**2, (noise_mm / wire.travel_mm) ** 2])
+        noises = np.diag([noise_c**2, noise**2])
         self._apart = slopes[1]
-        self._both = [_joint_gain(balance, slope, period_s, noise).tolist() for slope in slopes]
-        self._reading = _reading_gain(balance, period_s, noise_c).tolist()
+        self._most_c, self._most = MOST_NOISES * noise_c, MOST_NOISES * noise
+        self._calm, self._disturbed = (
+            [_joint_gain(balance, slope, period_s, noises, process).tolist() for slope in slopes]
+            for process in (CALM, DISTURBED)
+        )
+        self._calm_reading, self._disturbed_reading = (
+            _reading_gain(balance, period_s, noise_c, process).tolist() for process in (CALM, DISTURBED)
+        )
 
-    def by_reading(self, slope: float, read_c: float) -> Correction:
-        """Return the correction when only the thermocouple is measured.
+    def by_reading(self, read_c: float, doubt: float) -> Correction:
+        """Return the correction when only the thermocouple is measured. The correction of the phase is 0.
 
-        `read_c` is its measured - expected temperature, K. The correction of the phase is `slope`, 1/K, times the
-        correction of the wire temperature.
+        `read_c` is its measured - expected temperature, K.
         """
-        wire, thermocouple, disturbance = self._reading
-        return Correction(wire * read_c, thermocouple * read_c, disturbance * read_c, slope * wire * read_c)
+        more_c = doubt * min(max(read_c, -self._most_c), self._most_c)
+        wire, thermocouple, disturbance = (
+            calm * read_c + (disturbed - calm) * more_c
+            for calm, disturbed in zip(self._calm_reading, self._disturbed_reading, strict=True)
+        )
+        return Correction(wire, thermocouple, disturbance, 0.0)
 
-    def by_both(self, slope: float, read_c: float, seen: float) -> Correction:
+    def by_both(self, slope: float, read_c: float, seen: float, doubt: float) -> Correction:
         """Return the correction when thermocouple and displacement are measured.
 
         `read_c` is measured - expected temperature of the thermocouple, K. `seen` is measured - expected phase. The
         gains are interpolated between the two tabulated slopes next to `slope`, 1/K.
         """
+        calm = self._at(self._calm, slope, read_c, seen)
+        if doubt == 0.0:
+            return Correction(*calm)
+        read_c, seen = min(max(read_c, -self._most_c), self._most_c), min(max(seen, -self._most), self._most)
+        less, more = (self._at(gains, slope, read_c, seen) for gains in (self._calm, self._disturbed))
+        parts = zip(calm, less, more, strict=True)
+        return Correction(*[one + doubt * (high - low) for one, low, high in parts])
+
+    def _at(self, gains: list[list[list[float]]], slope: float, read_c: float, seen: float) -> list[float]:
+        """Return the correction by `gains`, which are tabulated over the slope."""
         place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
         cell = min(int(place), SLOPES - 2)
         above = place - cell
         below = 1.0 - above
-        return Correction(
-            *[
-                (below * read0 + above * read1) * read_c + (below * seen0 + above * seen1) * seen
-                for (read0, seen0), (read1, seen1) in zip(self._both[cell], self._both[cell + 1], strict=True)
-            ]
-        )
+        return [
+            (below * read0 + above * read1) * read_c + (below * seen0 + above * seen1) * seen
+            for (read0, seen0), (read1, seen1) in zip(gains[cell], gains[cell + 1], strict=True)
+        ]
 
 
-def _reading_gain(balance: HeatBalance, period_s: float, noise_c: float) -> Array:
-    transition, process = _thermal(balance, period_s, 0.0)
+def _reading_gain(balance: HeatBalance, period_s: float, noise_c: float, process_noise: ProcessNoise) -> Array:
+    transition, process = _thermal(balance, period_s, 0.0, process_noise)
     return _gain(transition, np.array([[0.0, 1.0, 0.0]]), process, np.array([[noise_c**2]])).ravel()
 
 
-def _joint_gain(balance: HeatBalance, slope: float, period_s: float, noise: Array) -> Array:
+def _joint_gain(
+    balance: HeatBalance, slope: float, period_s: float, noise: Array, process_noise: ProcessNoise
+) -> Array:
     transition = np.eye(4)
     process = np.zeros((4, 4))
-    transition[:3, :3], process[:3, :3] = _thermal(balance, period_s, slope)
+    transition[:3, :3], process[:3, :3] = _thermal(balance, period_s, slope, process_noise)
     transition[3, :3] = slope * (transition[0, :3] - [1.0, 0.0, 0.0])
     process[0, 3] = process[3, 0] = slope * process[0, 0]
     process[3, 3] = slope**2 * process[0, 0] + period_s * PHASE_NOISE**2
@@ -116,7 +153,7 @@ def _joint_gain(balance: HeatBalance, slope: float, period_s: float, noise: Arra
     return _gain(transition, reads, process, noise)
 
 
-def _thermal(balance: HeatBalance, period_s: float, slope: float) -> tuple[Array, Array]:
+def _thermal(balance: HeatBalance, period_s: float, slope: float, noise: ProcessNoise) -> tuple[Array, Array]:
     """Return the transition and the process noise of (T, T_tc, d) over one period, both of shape (3, 3)."""
     capacity = balance.heat_capacity_j_per_k + balance.latent_heat_j * slope
     keep = exp(-period_s * balance.loss_w_per_k / capacity)
@@ -124,8 +161,8 @@ def _thermal(balance: HeatBalance, period_s: float, slope: float) -> tuple[Array
     transition = np.array(
         [[keep, 0.0, (1.0 - keep) / balance.loss_w_per_k], [follow, 1.0 - follow, 0.0], [0.0, 0.0, 1.0]]
     )
-    drift_w = DRIFT_NOISE_C * balance.loss_w_per_k
-    return transition, period_s * np.diag([PROCESS_NOISE_C**2, (0.1 * PROCESS_NOISE_C) ** 2, drift_w**2])
+    drift_w = noise.drift_c * balance.loss_w_per_k
+    return transition, period_s * np.diag([noise.wire_c**2, (0.1 * noise.wire_c) ** 2, drift_w**2])
 
 
 def _gain(transition: Array, reads: Array, process: Array, noise: Array) -> Array:

@@ -6,10 +6,14 @@ heat balance with the latent heat of the transformation, and the hysteresis mode
 
 The hysteresis model is linear only locally. Its rules i, at their firing strengths μ_i, give the slope of the phase
 over the temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i), with w the state of the hysteresis model. Along the loop only this
-slope varies, so the gain is solved for several slopes and interpolated (see gain.py). Without a measured displacement,
-the correction of ξ is the correction of T times dξ/dT. Only the predicted temperature steps the hysteresis model, and
-only through a dead band: noise reverses the temperature, and each reversal would move the model along a minor loop
-(ratcheting).
+slope varies, so the gain is solved for several slopes and interpolated (see gain.py). The temperature steps the
+hysteresis model through a dead band, because noise reverses the temperature, and each reversal would move the model
+along a minor loop (ratcheting). Without a measured displacement, the step ends at the corrected temperature: if a draft
+has cooled the wire, the model follows the cooling branch, as the wire does.
+
+A draft multiplies the heat loss h A (T - T_amb). So a large unexplained power d changes in proportion to T - T_amb
+between two updates. A draft changes d within a second. An innovation test (innovation.py) finds this change, and the
+gains are larger for a while.
 
 The estimate is the whole state of an observer, so another observer can continue from it.
 """
@@ -19,16 +23,26 @@ from __future__ import annotations
 from math import isfinite
 from typing import NamedTuple
 
-from smadrive.control.estimation.gain import Correction, GainSchedule
+from smadrive.control.estimation.gain import GainSchedule
+from smadrive.control.estimation.innovation import Doubt, InnovationTest
 from smadrive.hysteresis import HysteresisState
 from smadrive.hysteresis.reversal import Play
 from smadrive.wire.wire_model import WireModel, WireState
 
 DEAD_BAND_NOISES = 0.2
-"""Radius of the dead band, in standard deviations of the thermocouple's noise.
+"""Radius of the dead band with a measured displacement, in standard deviations of the thermocouple's noise.
 
 It is less than 1, because a predicted temperature has less noise than a reading.
 """
+
+BLIND_NOISES = 1.0
+"""The same without a measured displacement: the step then ends at a corrected temperature, which has more noise."""
+
+DRAFT_SHARE = 0.1
+"""An unexplained power of more than this share of the heat loss is a draft, and changes in proportion to the loss."""
+
+LEAST_EXCESS_C = 5.0
+"""Nearer to the ambient temperature than this, K, the power of a draft stays constant."""
 
 
 class WireEstimate(NamedTuple):
@@ -36,7 +50,8 @@ class WireEstimate(NamedTuple):
 
     `temperature_c` is the temperature of the wire, `thermocouple_c` that of the thermocouple. `hysteresis` is the state
     of the hysteresis model. `disturbance_w` is the power that the heat balance does not explain. `play` is the state of
-    the dead band between the temperature and the hysteresis model.
+    the dead band between the temperature and the hysteresis model, and `radius_c` its radius. `doubt` is the state of
+    the innovation test.
     """
 
     temperature_c: float
@@ -44,6 +59,8 @@ class WireEstimate(NamedTuple):
     hysteresis: HysteresisState
     disturbance_w: float
     play: Play
+    radius_c: float = 0.0
+    doubt: Doubt = Doubt()
 
 
 class WireObserver:
@@ -57,8 +74,10 @@ class WireObserver:
         self._wire = wire
         self._model = wire.model
         self._balance = wire.balance
-        self._gains = GainSchedule(wire, period_s, noise_c, noise_mm)
-        self._radius_c = DEAD_BAND_NOISES * noise_c
+        noise = noise_mm / abs(wire.travel_mm)
+        self._gains = GainSchedule(wire, period_s, noise_c, noise)
+        self._test = InnovationTest(period_s, noise_c, noise)
+        self._seeing_c, self._blind_c = DEAD_BAND_NOISES * noise_c, BLIND_NOISES * noise_c
 
     def start(self, reading_c: float, displacement_mm: float) -> WireEstimate:
         """Return the first estimate, for a wire at rest.
@@ -79,12 +98,7 @@ class WireObserver:
 
     def predict(self, before: WireEstimate, power_w: float, dt_s: float) -> WireEstimate:
         """Return the estimate `dt_s` seconds after `before`, for a wire heated with `power_w`, by the model alone."""
-        total_w = power_w + before.disturbance_w
-        wire_c = self._wire.temperature_c(WireState(before.temperature_c, before.hysteresis), total_w, dt_s)
-        read_c = self._balance.step_thermocouple(before.thermocouple_c, before.temperature_c, wire_c, dt_s)
-        play = before.play.moved(wire_c, self._radius_c)
-        hysteresis = self._model.step(before.hysteresis, play.output(self._radius_c))
-        return WireEstimate(wire_c, read_c, hysteresis, before.disturbance_w, play)
+        return self._predicted(before, power_w, dt_s, before.radius_c)
 
     def update(
         self, before: WireEstimate, reading_c: float, displacement_mm: float, power_w: float, dt_s: float
@@ -94,34 +108,63 @@ class WireObserver:
         The wire was heated with `power_w` since `before`. `reading_c` is the reading of the thermocouple. NaN marks a
         missing measurement.
         """
-        expected = self.predict(before, power_w, dt_s)
-        slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
-        read_c = reading_c - expected.thermocouple_c if isfinite(reading_c) else 0.0
-        if not isfinite(displacement_mm):
-            correction = self._gains.by_reading(slope, read_c)
-            return self._corrected(expected, correction, self._shifted(expected, correction))
-        seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
-        correction = self._gains.by_both(slope, read_c, seen)
-        v, y = expected.hysteresis.v + correction.temperature_c, self._wire.travel_mm * correction.phase
-        hysteresis = self._model.corrected(expected.hysteresis, v, expected.hysteresis.y + y)
-        return self._corrected(expected, correction, hysteresis)
+        if isfinite(displacement_mm):
+            expected = self._predicted(before, power_w, dt_s, self._seeing_c)
+            read_c = reading_c - expected.thermocouple_c if isfinite(reading_c) else 0.0
+            return self._corrected_by_both(expected, read_c, displacement_mm)
+        wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
+        read_c = reading_c - thermocouple_c if isfinite(reading_c) else 0.0
+        doubt = self._test.by_reading(before.doubt, read_c)
+        correction = self._gains.by_reading(read_c, doubt.doubt)
+        wire_c += correction.temperature_c
+        play, hysteresis = self._stepped(before, wire_c, self._blind_c)
+        thermocouple_c += correction.thermocouple_c
+        disturbance_w += correction.disturbance_w
+        return WireEstimate(wire_c, thermocouple_c, hysteresis, disturbance_w, play, self._blind_c, doubt)
 
-    def _shifted(self, expected: WireEstimate, correction: Correction) -> HysteresisState:
-        """Return the state of the hysteresis at the corrected temperature. The phase follows the temperature."""
-        v = expected.hysteresis.v + correction.temperature_c
-        return self._model.shifted(expected.hysteresis, v, expected.play.direction or 1)
+    def _predicted(self, before: WireEstimate, power_w: float, dt_s: float, radius_c: float) -> WireEstimate:
+        """Return the prediction, with a dead band of the radius `radius_c`."""
+        wire_c, read_c, disturbance_w = self._heated(before, power_w, dt_s)
+        play, hysteresis = self._stepped(before, wire_c, radius_c)
+        return WireEstimate(wire_c, read_c, hysteresis, disturbance_w, play, radius_c, before.doubt)
 
-    def _corrected(self, expected: WireEstimate, correction: Correction, hysteresis: HysteresisState) -> WireEstimate:
-        """Return the estimate with the correction of (T, T_tc, d) added, and with the corrected `hysteresis`.
+    def _heated(self, before: WireEstimate, power_w: float, dt_s: float) -> tuple[float, float, float]:
+        """Return the predicted temperatures of wire and thermocouple, °C, and the predicted unexplained power, W."""
+        state, total_w = WireState(before.temperature_c, before.hysteresis), power_w + before.disturbance_w
+        wire_c = self._wire.temperature_c(state, total_w, dt_s)
+        read_c = self._balance.step_thermocouple(before.thermocouple_c, before.temperature_c, wire_c, dt_s)
+        return wire_c, read_c, before.disturbance_w * self._growth(before, wire_c)
 
-        The input of the hysteresis model moves with the temperature, but the model makes no step: the correction of
-        the phase already contains the effect of the temperature.
+    def _growth(self, before: WireEstimate, wire_c: float) -> float:
+        """Return the factor of the unexplained power for a change of the wire temperature to `wire_c`."""
+        excess_c = before.temperature_c - self._balance.ambient_c
+        if abs(before.disturbance_w) <= DRAFT_SHARE * self._balance.loss_w_per_k * excess_c:
+            return 1.0
+        return max(wire_c - self._balance.ambient_c, LEAST_EXCESS_C) / max(excess_c, LEAST_EXCESS_C)
+
+    def _stepped(self, before: WireEstimate, wire_c: float, radius_c: float) -> tuple[Play, HysteresisState]:
+        """Return the state of the dead band and of the hysteresis model after a step to `wire_c`."""
+        play = before.play.moved(wire_c, radius_c)
+        return play, self._model.step(before.hysteresis, play.output(radius_c))
+
+    def _corrected_by_both(self, expected: WireEstimate, read_c: float, displacement_mm: float) -> WireEstimate:
+        """Return the estimate corrected by thermocouple and displacement.
+
+        `read_c` is measured - expected temperature of the thermocouple. The input of the hysteresis model moves with
+        the temperature, but the model makes no step: the correction of the phase already contains the effect of the
+        temperature.
         """
-        wire_c, thermocouple_c, power_w, _ = correction
+        seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
+        doubt = self._test.by_both(expected.doubt, read_c, seen)
+        slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
+        wire_c, thermocouple_c, power_w, phase = self._gains.by_both(slope, read_c, seen, doubt.doubt)
+        y = expected.hysteresis.y + self._wire.travel_mm * phase
         return WireEstimate(
             expected.temperature_c + wire_c,
             expected.thermocouple_c + thermocouple_c,
-            hysteresis,
+            self._model.corrected(expected.hysteresis, expected.hysteresis.v + wire_c, y),
             expected.disturbance_w + power_w,
             Play(expected.play.position + wire_c, expected.play.direction),
+            expected.radius_c,
+            doubt,
         )

@@ -51,14 +51,6 @@ class BranchModel(HysteresisModel):
         """Return the state with the input v and the output y, or with the possible output that is nearest to y."""
         return self.initial_state(v, y)
 
-    def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
-        """Return `state` with the input v, and with its output changed by the present slope times the change of input.
-
-        A slope of the wrong sign counts as zero. The output becomes the nearest output that the model can have at v.
-        """
-        slope = self.scale * max(self.engine.slope(state.w, state.v, direction > 0), 0.0)
-        return self.initial_state(v, state.y + slope * (v - state.v))
-
     def _on_branch(self, v: float) -> HysteresisState:
         w = self.engine.target(v, rising=True)
         return HysteresisState(v, self.offset + self.scale * w, w)

@@ -162,15 +162,11 @@ class TSFuzzyPreisach(HysteresisModel):
             local = self._engine.move(local, v0, v1)
         return Memory(local, self.plane.clamp(plane, v1), turns, dropped)
 
-    def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:  # noqa: ARG002
-        """Return `state` with the input v and the output at v on the present section; no turning point is added.
+    def _shifted(self, memory: Memory, v0: float, v1: float) -> Memory:
+        """Return the memory at the input v1 on the present section; no turning point is added.
 
         The shift may go backwards on this section. Before its turning point, the section before is used.
         """
-        clamp = self._engine.clamp
-        return self._state(v, self._shifted(_memory(state), clamp(state.v), clamp(v)))
-
-    def _shifted(self, memory: Memory, v0: float, v1: float) -> Memory:
         local, plane, turns, dropped = memory
         turn, rising = turns[-1], memory.rising
         if v1 == v0 or (v1 > v0) == rising:

@@ -17,11 +17,12 @@ LOOP = DuhemModel.gaussian(
 DT_S = 0.05
 
 
-def follow(balance, powers_w, noise_c=0.1, lost=(), model=LOOP, noise_mm=None):
+def follow(balance, powers_w, noise_c=0.1, lost=(), model=LOOP, noise_mm=None, losses=None):
     """(true, read, estimated) temperatures and (true, estimated) displacements of a wire driven by `powers_w`.
 
-    The displacement is measured where it has a noise.
+    The displacement is measured where it has a noise. `losses` are factors of the true heat loss, one per power.
     """
+    losses = np.ones(len(powers_w)) if losses is None else losses
     noise = np.random.default_rng(2)
     observer = WireObserver(WireModel(model, balance), DT_S, 0.1, 0.012)
     wire = reading = 22.0
@@ -29,10 +30,11 @@ def follow(balance, powers_w, noise_c=0.1, lost=(), model=LOOP, noise_mm=None):
     estimate = observer.start(wire, float("nan"))
     rows = []
     for n, power_w in enumerate(powers_w):
+        air = dataclasses.replace(TRUE, loss_w_per_k=losses[n] * TRUE.loss_w_per_k)
         for _ in range(10):
-            direction = 1 if TRUE.ambient_c + power_w / TRUE.loss_w_per_k > wire else -1
-            after = TRUE.step(wire, power_w, LOOP.slope(state, direction) / LOOP.scale, DT_S / 10)
-            reading = TRUE.step_thermocouple(reading, wire, after, DT_S / 10)
+            direction = 1 if air.ambient_c + power_w / air.loss_w_per_k > wire else -1
+            after = air.step(wire, power_w, LOOP.slope(state, direction) / LOOP.scale, DT_S / 10)
+            reading = air.step_thermocouple(reading, wire, after, DT_S / 10)
             wire, state = after, LOOP.step(state, after)
         read = float("nan") if n in lost else reading + noise.normal(0, noise_c)
         seen_mm = float("nan") if noise_mm is None else state.y + noise.normal(0, noise_mm)
@@ -59,6 +61,18 @@ def test_wrong_loss_becomes_a_disturbance_and_no_bias():
     wire, _, estimated, *_, unexplained = follow(wrong, np.full(1200, 0.85))
     assert abs(np.mean((estimated - wire)[-200:])) < 0.1
     assert unexplained[-1] == pytest.approx(0.15 * TRUE.loss_w_per_k * (wire[-1] - 22.0), rel=0.2)
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.3, 1.6])
+def test_draft_is_found_within_a_second_without_displacement(factor):
+    """The draft grows and ceases within a second. The wire then follows the other branch, and so does the estimate."""
+    ramp = np.linspace(1.0, factor, 20)
+    losses = np.concatenate([np.ones(340), ramp, np.full(300, factor), ramp[::-1], np.ones(340)])
+    wire, _, estimated, displacement, blind, unexplained = follow(TRUE, POWERS, losses=losses)
+    found_w = (1.0 - factor) * TRUE.loss_w_per_k * (wire - TRUE.ambient_c)
+    assert np.abs(unexplained - found_w)[380:660] == pytest.approx(0.0, abs=0.15)
+    assert rms((estimated - wire)[380:660]) < 0.15
+    assert rms((blind - displacement)[340:]) < 0.03 * 12
 
 
 def test_phase_follows_the_wire_through_turning_points():

@@ -207,13 +207,11 @@ def test_initial_state_has_the_output(model, v, place):
 
 
 @given(any_model, paths, st.floats(-2.0, 2.0))
-def test_shifted_makes_no_turning_point_and_returns(model, path, change):
+def test_corrected_makes_no_turning_point(model, path, change):
     state = walk(model, path)[-1]
-    there = model.shifted(state, state.v + change, 1)
-    assert len(there.memory.turns) <= len(state.memory.turns)
-    if there.memory.turns == state.memory.turns and LOWER < there.v < UPPER and LOWER < state.v < UPPER:
-        back = model.shifted(there, state.v, 1)
-        assert back.w == pytest.approx(state.w, abs=1e-9)
+    found = model.corrected(state, state.v + change, state.y)
+    assert found.v == state.v + change
+    assert len(found.memory.turns) <= len(state.memory.turns)
 
 
 @given(any_model, paths, st.floats(-0.2, 0.2))

@@ -1,0 +1,79 @@
+"""The innovation test of the observer: it tells a disturbance, such as a draft, from noise.
+
+The innovation e is the measured minus the expected value. While the heat balance is right, e is white noise of the
+standard deviation σ. A disturbance makes the mean of e differ from zero. The test is the exponentially weighted mean m:
+
+    m <- (1 - λ) m + λ e          standard deviation of m: σ sqrt(λ / (2 - λ))
+
+The doubt grows from 0 to 1 while |m| grows from `BEGINS` to `CERTAIN` times this standard deviation. It then decays
+with `HOLD_S`. The observer uses larger Kalman gains while it doubts its prediction (adaptive Kalman filter; Roberts,
+Technometrics 1, 1959, for the chart of the weighted mean).
+"""
+
+from __future__ import annotations
+
+from math import exp, sqrt
+from typing import NamedTuple
+
+READ_WEIGHT, SEEN_WEIGHT = 0.3, 0.5
+"""Weight λ of the latest innovation: of the thermocouple, and of the displacement, which has less noise."""
+
+READ_SPREAD, SEEN_SPREAD = 1.1, 1.5
+"""Standard deviation σ of the innovations, divided by that of the sensor's noise; the model has an error, too."""
+
+BEGINS, CERTAIN = 3.5, 7.0
+"""The doubt is 0 up to `BEGINS` standard deviations of the mean, and 1 from `CERTAIN` on."""
+
+CONTRADICTS = 2.0
+"""The displacement contradicts the thermocouple if its mean has the other sign, and this many standard deviations.
+
+A disturbance of the heat changes both in the same direction. Otherwise a sensor or the model is wrong, and larger gains
+would spoil the estimate.
+"""
+
+HOLD_S = 1.0
+"""Time constant in which the doubt decays, s."""
+
+
+class Doubt(NamedTuple):
+    """The state of the test.
+
+    `read_c` is the mean innovation of the thermocouple in K, `seen` that of the displacement as a share of the travel.
+    `doubt` is 0 while the innovations look like noise, up to 1 for a certain disturbance.
+    """
+
+    read_c: float = 0.0
+    seen: float = 0.0
+    doubt: float = 0.0
+
+
+class InnovationTest:
+    """The test for updates every `period_s`.
+
+    `noise_c` and `noise` are the standard deviations of the noise of the thermocouple, K, and of the displacement, as a
+    share of the travel.
+    """
+
+    def __init__(self, period_s: float, noise_c: float, noise: float) -> None:
+        self._decay = exp(-period_s / HOLD_S)
+        self._read_c = READ_SPREAD * noise_c * sqrt(READ_WEIGHT / (2.0 - READ_WEIGHT))
+        self._seen = SEEN_SPREAD * noise * sqrt(SEEN_WEIGHT / (2.0 - SEEN_WEIGHT))
+
+    def by_reading(self, before: Doubt, read_c: float) -> Doubt:
+        """Return the state after the innovation `read_c` of the thermocouple, K."""
+        mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
+        return Doubt(mean_c, 0.0, max(before.doubt * self._decay, _doubt(abs(mean_c) / self._read_c)))
+
+    def by_both(self, before: Doubt, read_c: float, seen: float) -> Doubt:
+        """Return the state after the innovations of the thermocouple, K, and of the displacement, share of the travel.
+
+        Only the thermocouple causes doubt. The displacement ends it if it contradicts the thermocouple.
+        """
+        of_reading = self.by_reading(before, read_c)
+        mean = before.seen + SEEN_WEIGHT * (seen - before.seen)
+        is_contradicted = of_reading.read_c * mean < 0.0 and abs(mean) > CONTRADICTS * self._seen
+        return Doubt(of_reading.read_c, mean, 0.0 if is_contradicted else of_reading.doubt)
+
+
+def _doubt(deviations: float) -> float:
+    return min(max((deviations - BEGINS) / (CERTAIN - BEGINS), 0.0), 1.0)
