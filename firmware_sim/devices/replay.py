@@ -145,7 +145,7 @@ def _recorded_reply(request: TraceLine, following: TraceLine | None, *, numbered
 
 
 def _key(pdu: bytes) -> bytes:
-    """Return the part of a request that identifies it: the whole PDU, without the words that an exchange writes."""
+    """Return the part of a request that identifies it: the whole PDU, for an exchange without the written words."""
     return pdu[:WRITTEN_WORDS] if pdu[:1] == EXCHANGE else pdu
 
 

@@ -35,9 +35,9 @@ PAPER_ERROR = (-1.2, 1.0)
 class Errors:
     """The errors of a rebuilt model: its output minus that of the Duhem model.
 
-    `major` and `mixed` hold the least and the greatest error on the two loops of the paper, in the unit of the output,
-    which rises by k = 40 in all. `unseen_percent` is about `RANDOM_LOOPS` random loops that no fit used: the median and
-    the maximum of their largest errors, in % of k.
+    `major` and `mixed` are pairs: the least and the greatest error on one of the two loops of the paper. They have the
+    unit of the output, whose full range is k = 40. `unseen_percent` belongs to `RANDOM_LOOPS` random loops that no fit
+    used. It is the median and the maximum of the largest errors of these loops, in % of k.
     """
 
     name: str

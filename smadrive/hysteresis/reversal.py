@@ -31,7 +31,7 @@ from smadrive.numerics.scalars import real_number
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-_AROUND = 3.0  # radii: the samples within this distance of a turning point serve to estimate it
+_AROUND = 3.0  # a turning point is estimated from the samples within this distance, in radii of the dead band
 _LEAST_SAMPLES = 4  # on either side, for a parabola that does not follow the noise
 
 

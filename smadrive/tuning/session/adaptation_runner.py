@@ -118,5 +118,5 @@ class AdaptationRunner:
         return self._adaptation
 
     def taken(self) -> None:
-        """Note that the change queue has accepted the rules. Rules of an ended adaptation are due only once."""
+        """Note that the change queue has accepted the rules: those of an ended adaptation are not offered again."""
         self._ended = None
