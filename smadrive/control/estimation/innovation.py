@@ -8,6 +8,9 @@ standard deviation σ. A disturbance makes the mean of e differ from zero. The t
 The doubt grows from 0 to 1 while |m| grows from `BEGINS` to `CERTAIN` times this standard deviation. It then decays
 with `HOLD_S`. The observer uses larger Kalman gains while it doubts its prediction (adaptive Kalman filter; Roberts,
 Technometrics 1, 1959, for the chart of the weighted mean).
+
+A draft begins or ceases within a second or two. A doubt that lasts longer has another cause: a bead that comes off lags
+by seconds, and with the larger gains the wire would overheat. So the integral of the doubt over time is limited.
 """
 
 from __future__ import annotations
@@ -34,17 +37,22 @@ would spoil the estimate.
 HOLD_S = 1.0
 """Time constant in which the doubt decays, s."""
 
+MOST_S, FORGET_S = 2.0, 20.0
+"""The integral of the doubt over time at which the doubt ends, s, and the time constant in which it is forgotten, s."""
+
 
 class Doubt(NamedTuple):
     """The state of the test.
 
     `read_c` is the mean innovation of the thermocouple in K, `seen` that of the displacement as a share of the travel.
-    `doubt` is 0 while the innovations look like noise, up to 1 for a certain disturbance.
+    `doubt` is 0 while the innovations look like noise, up to 1 for a certain disturbance. `spent_s` is the integral of
+    the doubt over time, which is forgotten slowly.
     """
 
     read_c: float = 0.0
     seen: float = 0.0
     doubt: float = 0.0
+    spent_s: float = 0.0
 
 
 class InnovationTest:
@@ -55,14 +63,17 @@ class InnovationTest:
     """
 
     def __init__(self, period_s: float, noise_c: float, noise: float) -> None:
-        self._decay = exp(-period_s / HOLD_S)
+        self._period_s = period_s
+        self._decay, self._forget = exp(-period_s / HOLD_S), exp(-period_s / FORGET_S)
         self._read_c = READ_SPREAD * noise_c * sqrt(READ_WEIGHT / (2.0 - READ_WEIGHT))
         self._seen = SEEN_SPREAD * noise * sqrt(SEEN_WEIGHT / (2.0 - SEEN_WEIGHT))
 
     def by_reading(self, before: Doubt, read_c: float) -> Doubt:
         """Return the state after the innovation `read_c` of the thermocouple, K."""
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
-        return Doubt(mean_c, 0.0, max(before.doubt * self._decay, _doubt(abs(mean_c) / self._read_c)))
+        doubt = max(before.doubt * self._decay, _doubt(abs(mean_c) / self._read_c))
+        spent_s = before.spent_s * self._forget + doubt * self._period_s
+        return Doubt(mean_c, 0.0, doubt if spent_s < MOST_S else 0.0, spent_s)
 
     def by_both(self, before: Doubt, read_c: float, seen: float) -> Doubt:
         """Return the state after the innovations of the thermocouple, K, and of the displacement, share of the travel.
@@ -72,7 +83,7 @@ class InnovationTest:
         of_reading = self.by_reading(before, read_c)
         mean = before.seen + SEEN_WEIGHT * (seen - before.seen)
         is_contradicted = of_reading.read_c * mean < 0.0 and abs(mean) > CONTRADICTS * self._seen
-        return Doubt(of_reading.read_c, mean, 0.0 if is_contradicted else of_reading.doubt)
+        return of_reading._replace(seen=mean, doubt=0.0 if is_contradicted else of_reading.doubt)
 
 
 def _doubt(deviations: float) -> float:

@@ -41,6 +41,12 @@ BLIND_NOISES = 1.0
 DRAFT_SHARE = 0.1
 """An unexplained power of more than this share of the heat loss is a draft, and changes in proportion to the loss."""
 
+MOST_DRAFT = 0.8
+"""Without a measured displacement, the largest loss by a draft, as a share of the identified loss.
+
+The thermocouple alone cannot tell a draft from a bead that comes off. More power would overheat the wire then.
+"""
+
 LEAST_EXCESS_C = 5.0
 """Nearer to the ambient temperature than this, K, the power of a draft stays constant."""
 
@@ -119,7 +125,9 @@ class WireObserver:
         wire_c += correction.temperature_c
         play, hysteresis = self._stepped(before, wire_c, self._blind_c)
         thermocouple_c += correction.thermocouple_c
-        disturbance_w += correction.disturbance_w
+        excess_c = max(wire_c - self._balance.ambient_c, LEAST_EXCESS_C)
+        most_w = MOST_DRAFT * self._balance.loss_w_per_k * excess_c
+        disturbance_w = max(disturbance_w + correction.disturbance_w, -most_w)
         return WireEstimate(wire_c, thermocouple_c, hysteresis, disturbance_w, play, self._blind_c, doubt)
 
     def _predicted(self, before: WireEstimate, power_w: float, dt_s: float, radius_c: float) -> WireEstimate:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smadrive.control.estimation.innovation import HOLD_S, Doubt, InnovationTest
+from smadrive.control.estimation.innovation import HOLD_S, MOST_S, Doubt, InnovationTest
 
 PERIOD_S, NOISE_C, NOISE = 0.05, 0.1, 0.001
 
@@ -40,6 +40,12 @@ def test_doubt_decays(test):
     begun = after(test, np.full(10, 5.0 * NOISE_C))
     later = after(test, np.zeros(round(HOLD_S / PERIOD_S)), begun)
     assert later.doubt == pytest.approx(begun.doubt / np.e, rel=0.2)
+
+
+def test_doubt_ends_if_it_lasts(test):
+    ticks = round(MOST_S / PERIOD_S)
+    assert after(test, np.full(ticks - 5, 5.0 * NOISE_C)).doubt == 1.0
+    assert after(test, np.full(ticks + 20, 5.0 * NOISE_C)).doubt == 0.0
 
 
 def test_displacement_that_contradicts_the_thermocouple_ends_the_doubt(test):

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from smadrive.control.estimation.observer import WireObserver
+from smadrive.control.estimation.observer import MOST_DRAFT, WireObserver
 from smadrive.hysteresis import DuhemModel
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
@@ -73,6 +73,16 @@ def test_draft_is_found_within_a_second_without_displacement(factor):
     assert np.abs(unexplained - found_w)[380:660] == pytest.approx(0.0, abs=0.15)
     assert rms((estimated - wire)[380:660]) < 0.15
     assert rms((blind - displacement)[340:]) < 0.03 * 12
+
+
+def test_draft_is_limited_without_displacement():
+    """A reading of half the rise looks like a draft, but the bead may have come off."""
+    observer = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012)
+    estimate = observer.start(80.0, float("nan"))
+    for _ in range(400):
+        estimate = observer.update(estimate, 80.0, float("nan"), 2.0 * TRUE.loss_w_per_k * 58.0, DT_S)
+    limit_w = MOST_DRAFT * TRUE.loss_w_per_k * (estimate.temperature_c - TRUE.ambient_c)
+    assert estimate.disturbance_w == pytest.approx(-limit_w)
 
 
 def test_phase_follows_the_wire_through_turning_points():
