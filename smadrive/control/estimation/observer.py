@@ -124,7 +124,7 @@ class WireObserver:
             return self._corrected_by_both(expected, read_c, displacement_mm)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
         read_c = reading_c - thermocouple_c if isfinite(reading_c) else 0.0
-        doubt = self._test.by_reading(before.doubt, read_c)
+        doubt = self._test.by_reading(before.doubt, read_c, wire_c - thermocouple_c)
         correction = self._gains.by_reading(read_c, doubt.doubt)
         wire_c += correction.temperature_c
         play, hysteresis = self._stepped(before, wire_c, self._blind_c)
@@ -169,7 +169,8 @@ class WireObserver:
         temperature.
         """
         seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
-        doubt = self._test.by_both(expected.doubt, read_c, seen)
+        gap_c = expected.temperature_c - expected.thermocouple_c
+        doubt = self._test.by_both(expected.doubt, read_c, gap_c, seen)
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
         wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(slope, read_c, seen, doubt.doubt)
         y = expected.hysteresis.y + self._wire.travel_mm * phase
