@@ -14,6 +14,7 @@ from smadrive.measurement import Measurement
 from smadrive.safety.debounce import Debounce
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR, Fault, Trip
+from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
 
@@ -28,7 +29,7 @@ class Supervisor:
     """Checks each measurement, and the time since the last measurement; the first fault is latched as `trip`.
 
     `temperature_band` compares the reading with the heat input, and `displacement_band` the displacement with the model
-    of the wire. A band that is None is not checked.
+    of the wire, `resistance_band` the resistance with its last runs. A band that is None is not checked.
     """
 
     def __init__(
@@ -36,10 +37,12 @@ class Supervisor:
         limits: SafetyLimits,
         temperature_band: TemperatureBand | None = None,
         displacement_band: DisplacementBand | None = None,
+        resistance_band: ResistanceBand | None = None,
     ) -> None:
         self._limits = limits
         self._temperature_band = temperature_band
         self._displacement_band = displacement_band
+        self._resistance_band = resistance_band
         self.trip: Trip | None = None
         self._hot = Debounce(2, 3)
         self._cold = Debounce(3, 5)
@@ -72,6 +75,7 @@ class Supervisor:
         self._check_temperature_band(measurement, dt_s)
         self._check_displacement(measurement, setpoint_mm)
         self._check_displacement_band(measurement)
+        self._check_resistance_band(measurement)
         return self.trip
 
     def check_fresh(self, now_s: float) -> Trip | None:
@@ -199,6 +203,12 @@ class Supervisor:
             self._in_band_s = measurement.time_s
         elif measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
             self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, outside)
+
+    def _check_resistance_band(self, measurement: Measurement) -> None:
+        jump = None if self._resistance_band is None else self._resistance_band.jumped(measurement)
+        if jump is not None:
+            detail = f"{jump.rest_ohm:.4g} Ω at rest, {jump.expected_ohm:.4g} Ω expected"
+            self._raise(Fault.RESISTANCE_JUMPED, measurement.time_s, detail, f"± {100.0 * jump.tolerance:.2g} %")
 
     def _outside_band(self, measurement: Measurement) -> str | None:
         if self._displacement_band is None:
