@@ -97,7 +97,7 @@ class WireHealth(NamedTuple):
     allowed_percent: float
     cycles_left: float
 
-    def sentence(self) -> str:
+    def __str__(self) -> str:
         """Return the verdict as one sentence."""
         error = f"the drift causes {self.error_percent:.2g} % tracking error without a displacement sensor"
         allowed = f"an identification leaves {self.allowed_percent:.2g} %"

@@ -46,8 +46,8 @@ class LoopWidths(NamedTuple):
     middle_k: float
 
 
-def sensitivity(widths: LoopWidths, *, loop_share: float, noise_c: float, fit_percent: float) -> ErrorGains:
-    """Return the sensitivity of a wire.
+def error_gains(widths: LoopWidths, *, loop_share: float, noise_c: float, fit_percent: float) -> ErrorGains:
+    """Return the errors that changes of a wire cause.
 
     loop_share    closed-loop time over time constant of the wire, τ_c/τ
     noise_c       noise of the thermocouple, K

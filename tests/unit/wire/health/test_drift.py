@@ -8,7 +8,7 @@ import pytest
 from smadrive.hysteresis import DuhemModel
 from smadrive.wire.health.drift import HealthVerdict, slope, wire_health
 from smadrive.wire.health.entry import IDENTIFICATION, Estimate, HealthEntry, LoopShape
-from smadrive.wire.health.sensitivity import LoopWidths, sensitivity
+from smadrive.wire.health.sensitivity import LoopWidths, error_gains
 
 IDENTIFIED = HealthEntry(
     kind=IDENTIFICATION,
@@ -121,6 +121,6 @@ def test_sensitivity_is_the_error_of_a_moved_model(sigma):
     y, moved_y = model.simulate(v), moved.simulate(v)
     rms = 10.0 * np.sqrt(np.sum((moved_y - y)[1:] ** 2 * np.diff(y)) / (y[-1] - y[0]))
     widths = LoopWidths(sigma, sigma, 58.0)
-    found = sensitivity(widths, loop_share=0.1, noise_c=0.1, fit_percent=0.3)
+    found = error_gains(widths, loop_share=0.1, noise_c=0.1, fit_percent=0.3)
     assert 0.2 * found.heating_per_k * np.sqrt(2.0) == pytest.approx(rms, rel=0.03)
     assert found.allowed_percent == pytest.approx(hypot(0.3, 0.1 * hypot(found.heating_per_k, found.cooling_per_k)))
