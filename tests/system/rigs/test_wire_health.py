@@ -7,7 +7,6 @@ from contextlib import contextmanager, nullcontext
 
 import programs
 import pytest
-from marks import exhaustive
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
@@ -132,7 +131,7 @@ def break_by_junk(record):
     record.write_bytes(b"\0junk\n" * 5)
 
 
-@exhaustive
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("spoil", [break_by_folder, break_by_junk])
 def test_unusable_record_spoils_no_run(wire_file, spoil):
     spoil(health_file(wire_file))
@@ -143,7 +142,7 @@ def test_unusable_record_spoils_no_run(wire_file, spoil):
     assert found(wire_file).health is None
 
 
-@exhaustive
+@pytest.mark.exhaustive
 def test_lost_wire_file_spoils_no_run(wire_file):
     log_file = run(wire_file)
     wire_file.unlink()
@@ -151,7 +150,7 @@ def test_lost_wire_file_spoils_no_run(wire_file):
     assert assessment_of(read_log(log_file)) is None
 
 
-@exhaustive
+@pytest.mark.exhaustive
 def test_other_model_in_the_same_file_is_another_identification(wire_file):
     log_file = run(wire_file)
     record_health(log_file)
@@ -161,7 +160,7 @@ def test_other_model_in_the_same_file_is_another_identification(wire_file):
     assert [entry.is_identification for entry in read_health(wire_file).entries] == [True, False, True, False]
 
 
-@exhaustive
+@pytest.mark.exhaustive
 def test_commands_show_the_health(wire_file, tmp_path):
     """`run` adds an entry; `probe` and `report` show the health, as a table and as JSON."""
     text = configs_dir().joinpath("rigs", "in-process.toml").read_text(encoding="utf-8")
