@@ -55,14 +55,14 @@ DIFFERENCE_C = 0.5
 class LoopDrift:
     """The loop of a wire in one run, and the standard errors of its parameters.
 
-    heating_c, cooling_c   places of the branches, °C
+    heating_k, cooling_k   shifts of the branches, K
     stroke_share           change of the stroke, as a share
     errors                 standard errors of these three, in their order
     model_percent          RMS error of the unchanged model in this run, in % of the stroke
     """
 
-    heating_c: float
-    cooling_c: float
+    heating_k: float
+    cooling_k: float
     stroke_share: float
     errors: tuple[float, float, float]
     model_percent: float
@@ -110,8 +110,7 @@ def fit_loop_drift(
     heating_k, cooling_k, share, _ = drift.tolist()
     unsure = np.array([noise_c, noise_c, SHIFT * noise_c / min(before.sigma_heating, before.sigma_cooling)])
     errors = np.hypot(np.sqrt(np.diag(covariance))[:3], unsure).tolist()
-    places_c = before.mu_heating + heating_k, before.mu_cooling + cooling_k
-    return LoopDrift(*places_c, share, (errors[0], errors[1], errors[2]), model_percent)
+    return LoopDrift(heating_k, cooling_k, share, (errors[0], errors[1], errors[2]), model_percent)
 
 
 def _path(wire_c: FloatArray, displacement_mm: FloatArray, noise_c: float) -> tuple[FloatArray, FloatArray]:

@@ -17,13 +17,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from smadrive.measurement import Measurement
 from smadrive.safety.debounce import Debounce
 from smadrive.safety.displacement_band import MARGIN, DisplacementBand
-from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.wire_model import WireModel
+
+if TYPE_CHECKING:
+    from smadrive.wire.health.expected_rest import ExpectedRest
 
 BLOCK_S, LEAST_SAMPLES = 2.0, 5
 """A block lasts at least this time, and has at least this number of samples with enough current."""

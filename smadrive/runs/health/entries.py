@@ -27,13 +27,16 @@ from smadrive.safety.resistance_band import current_min_a
 from smadrive.wire.health.entry import IDENTIFICATION, Estimate, HealthEntry, LoopShape
 from smadrive.wire.health.sensitivity import LoopWidths
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
-from smadrive.wire.wire_model import WireModel
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 TRIPPED = "TripError"
 """The first word of `Log.ended_by` after a trip."""
 
 CYCLE = 0.1
 """A travel of more than this share of the stroke is half a cycle."""
+
+POINTS = 2000
+"""Number of points of a branch in the search for its middle."""
 
 MOST_ROWS = 20_000
 """The loop is fitted to the last rows of a longer run: they show the wire as it is now."""
@@ -50,7 +53,7 @@ def identification_entry(wire_file: Path) -> HealthEntry:
     """Return the entry of the wire in `wire_file`. Raises the errors of `load_wire`."""
     wire = load_wire(wire_file)
     provenance = json.loads(read_model(wire_file)).get("provenance", {})
-    shape, balance = shape_of(wire.model), wire.heat_balance
+    loop, balance = loop_shape(wire.model), wire.heat_balance
     cold_ohm = nan if balance is None else balance.resistance_cold_ohm
     percent = provenance.get("rms_percent")
     return HealthEntry(
@@ -58,9 +61,9 @@ def identification_entry(wire_file: Path) -> HealthEntry:
         begun=str(provenance.get("identified", "")),
         model=key_of(wire.model),
         rest_ohm=Estimate(cold_ohm, SYSTEMATIC * cold_ohm),
-        heating_c=Estimate(shape.mu_heating),
-        cooling_c=Estimate(shape.mu_cooling),
-        stroke_mm=Estimate(abs(wire.model.scale)),
+        heating_c=Estimate(loop.heating_c),
+        cooling_c=Estimate(loop.cooling_c),
+        stroke_mm=Estimate(loop.stroke_mm),
         model_percent=float(percent) if isinstance(percent, int | float) else nan,
     )
 
@@ -73,27 +76,40 @@ def run_entry(log: Log, wire_file: Path) -> HealthEntry:
     config = rig_config_of(log)
     wire = wire_of(log) if "wire" in log.metadata else load_wire(wire_file)
     stepped = WireModel(wire.model, wire.heat_balance or nominal_balance(log))
-    loop, rest = _loop(log, stepped, config), _measured_rest(log, stepped, config)
+    drift, rest = _drift(log, stepped, config), _measured_rest(log, stepped, config)
     rms, largest = _tracking_percent(log)
-    stroke_mm = abs(wire.model.scale)
+    loop = loop_shape(wire.model)
     return HealthEntry(
         kind=log.text("kind"),
         begun=log.start_time,
         model=key_of(wire.model),
-        cycles=cycles_of_path(_moved_mm(log), stroke_mm),
+        cycles=cycles_of_path(_moved_mm(log), loop.stroke_mm),
         log=log.path.name,
         tripped=log.ended_by.startswith(TRIPPED),
         rest_ohm=rest.ohm,
         rest_spread=rest.spread,
         rest_c=rest.at_c,
-        model_percent=loop.model_percent,
+        model_percent=drift.model_percent,
         rms_percent=rms,
         max_percent=largest,
         adapted=_adapted(log),
-        heating_c=Estimate(loop.heating_c, loop.errors[0]),
-        cooling_c=Estimate(loop.cooling_c, loop.errors[1]),
-        stroke_mm=Estimate(stroke_mm * (1.0 + loop.stroke_share), stroke_mm * loop.errors[2]),
+        heating_c=Estimate(loop.heating_c + drift.heating_k, drift.errors[0]),
+        cooling_c=Estimate(loop.cooling_c + drift.cooling_k, drift.errors[1]),
+        stroke_mm=Estimate(loop.stroke_mm * (1.0 + drift.stroke_share), loop.stroke_mm * drift.errors[2]),
     )
+
+
+def loop_shape(model: IdentifiedModel, identified: IdentifiedModel | None = None) -> LoopShape:
+    """Return the temperatures at which the branches of `model` pass the middle of the stroke, and its stroke.
+
+    With `identified`, the middle is that of the stroke of this model: few runs visit the tails of the branches, and an
+    adapted model may have any stroke that fits the part that was visited.
+    """
+    v = np.linspace(*model.input_range, POINTS)
+    middle_mm = 0.5 * sum(travel_mm(identified or model))
+    middle = (middle_mm - model.offset) / model.scale
+    heating_c, cooling_c = (float(np.interp(middle, model.branch(v, rising=rising), v)) for rising in (True, False))
+    return LoopShape(heating_c, cooling_c, abs(model.scale))
 
 
 def cycles_of_path(moved_mm: FloatArray, stroke_mm: float) -> float:
@@ -122,7 +138,7 @@ def _moved_mm(log: Log) -> FloatArray:
     return np.where(np.isfinite(measured_mm), measured_mm, log.column_with_gaps("estimated_mm"))
 
 
-def _loop(log: Log, wire: WireModel, config: RigConfig) -> LoopDrift:
+def _drift(log: Log, wire: WireModel, config: RigConfig) -> LoopDrift:
     names = ("time_s", "temperature_c", "displacement_mm")
     rows = np.column_stack([log.column_with_gaps(name)[-MOST_ROWS:] for name in names])
     time_s, reading_c, displacement_mm = rows[np.isfinite(rows).all(axis=1)].T
@@ -157,5 +173,4 @@ def _adapted(log: Log) -> LoopShape | None:
     if not tunings or tunings[-1].change != ADAPTED or tunings[-1].model not in models:
         return None
     model = parse_model(models[tunings[-1].model], place=f"{log.path}: adapted model")
-    shape = shape_of(model)
-    return LoopShape(shape.mu_heating, shape.mu_cooling, abs(model.scale))
+    return loop_shape(model, wire_of(log).model)

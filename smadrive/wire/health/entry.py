@@ -32,7 +32,7 @@ class Estimate(NamedTuple):
 
 
 class LoopShape(NamedTuple):
-    """The places of the branches in °C (mean of the slope over the temperature), and the stroke in mm."""
+    """The places of the branches in °C, where they pass the middle of the stroke, and the stroke in mm."""
 
     heating_c: Number
     cooling_c: Number

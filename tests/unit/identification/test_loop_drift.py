@@ -42,8 +42,8 @@ def test_moved_loop_is_found(change, scale):
     time_s, _, reading_c, moved_mm = samples(wire(*change, scale=scale), WHOLE_C)
     found = fit_loop_drift(wire(scale=scale), wire_temperature_c(time_s, reading_c, 0.0), moved_mm, NOISE_C)
     heating_k, cooling_k, stroke = change
-    assert found.heating_c == pytest.approx(90 + heating_k, abs=0.1)
-    assert found.cooling_c == pytest.approx(69 + cooling_k, abs=0.1)
+    assert found.heating_k == pytest.approx(heating_k, abs=0.1)
+    assert found.cooling_k == pytest.approx(cooling_k, abs=0.1)
     assert 1.0 + found.stroke_share == pytest.approx(stroke, abs=0.003)
     assert (found.model_percent < 0.5) == (change == (0, 0, 1))
 
@@ -54,7 +54,7 @@ def test_standard_errors_are_honest():
     for seed in range(4):
         time_s, _, reading_c, moved_mm = samples(wire(1.0, 0.5, 0.98), (25, 100, 60, 95, 25), seed)
         found = fit_loop_drift(wire(), wire_temperature_c(time_s, reading_c, 0.0), moved_mm, NOISE_C)
-        off.append(np.array([found.heating_c - 91.0, found.cooling_c - 69.5, found.stroke_share + 0.02]) / found.errors)
+        off.append(np.array([found.heating_k - 1.0, found.cooling_k - 0.5, found.stroke_share + 0.02]) / found.errors)
     assert np.all(np.sqrt(np.mean(np.square(off), axis=0)) < 2.0)
 
 
