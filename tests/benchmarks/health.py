@@ -53,11 +53,14 @@ OTHER = "another wire"
 
 
 class Resistance:
-    """The resistance of one simulated wire over temperature and phase, and of its contacts."""
+    """The resistance of one simulated wire over temperature and phase, and of its contacts.
 
-    def __init__(self, random: Random) -> None:
-        self.martensite_per_k, self.austenite_per_k = random.uniform(0.0, 1e-3), random.uniform(0.0, 1e-3)
-        self.hump = random.uniform(0.0, 0.04)
+    `size` multiplies the temperature coefficients and the hump, which the driver's model of the resistance lacks.
+    """
+
+    def __init__(self, random: Random, size: float) -> None:
+        self.martensite_per_k, self.austenite_per_k = (size * random.uniform(0.0, 1e-3) for _ in range(2))
+        self.hump = size * random.uniform(0.0, 0.04)
         self.leads_ohm = random.uniform(0.0, 0.5)
 
     def fit_into(self, plant, contact_ohm: float) -> None:
@@ -76,11 +79,11 @@ class Resistance:
 class WireUnderTest:
     """A random wire, its files in `folder`, and its age."""
 
-    def __init__(self, folder: Path, seed: int) -> None:
+    def __init__(self, folder: Path, seed: int, size: float) -> None:
         self.random = Random(seed)
         self.seed, self.folder, self.wire_file = seed, folder, folder / "wire.json"
         self.sim = random_wire(NOMINAL, seed)
-        self.resistance = Resistance(self.random)
+        self.resistance = Resistance(self.random, size)
         self.shift_c = self.fade = 0.0
         self.runs = 0
 
@@ -176,12 +179,12 @@ def jumping_runs(wire: WireUnderTest) -> Counter:
     return counts
 
 
-def study(wires: int, runs: int, seed: int, kelvin: float, fade: float) -> None:
+def study(wires: int, runs: int, seed: int, kelvin: float, fade: float, size: float) -> None:
     """Print the trips of healthy runs, the jumps that were found, and the drift that the record shows at the end."""
     found, healthy = Counter(), Counter()
     for number in range(seed, seed + wires):
         with tempfile.TemporaryDirectory() as folder:
-            wire = WireUnderTest(Path(folder), number)
+            wire = WireUnderTest(Path(folder), number, size)
             try:
                 wire.identify()
             except SmadriveError as error:
@@ -208,6 +211,7 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kelvin", type=float, default=1.0, help="shift of the loop over these runs, by ageing")
     parser.add_argument("--fade", type=float, default=0.02, help="fade of the stroke over these runs, as a share")
+    parser.add_argument("--size", type=float, default=1.0, help="share of the temperature coefficients and the hump")
     arguments = parser.parse_args()
     os.nice(5)
     study(**vars(arguments))

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from marks import exhaustive
 
 from smadrive.hysteresis import DuhemModel
 from smadrive.identification.loop_drift import UNKNOWN, fit_loop_drift, wire_temperature_c
@@ -36,7 +37,7 @@ def samples(true, turns_c, seed=1):
 WHOLE_C = (25, 120, 25, 120, 25)
 
 
-@pytest.mark.parametrize("scale", [12.0, -3.0])
+@pytest.mark.parametrize("scale", [12.0, exhaustive(-3.0)])
 @pytest.mark.parametrize("change", [(0, 0, 1), (2, 2, 0.97), (-1, 1.5, 1.03)])
 def test_moved_loop_is_found(change, scale):
     time_s, _, reading_c, moved_mm = samples(wire(*change, scale=scale), WHOLE_C)
@@ -48,10 +49,11 @@ def test_moved_loop_is_found(change, scale):
     assert (found.model_percent < 0.5) == (change == (0, 0, 1))
 
 
+@pytest.mark.exhaustive
 def test_standard_errors_are_honest():
     """The errors of many runs of the same wire scatter as their standard errors say."""
     off = []
-    for seed in range(4):
+    for seed in range(8):
         time_s, _, reading_c, moved_mm = samples(wire(1.0, 0.5, 0.98), (25, 100, 60, 95, 25), seed)
         found = fit_loop_drift(wire(), wire_temperature_c(time_s, reading_c, 0.0), moved_mm, NOISE_C)
         off.append(np.array([found.heating_k - 1.0, found.cooling_k - 0.5, found.stroke_share + 0.02]) / found.errors)
