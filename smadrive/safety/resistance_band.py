@@ -49,6 +49,11 @@ class JumpedResistance(NamedTuple):
     expected_ohm: float
     tolerance: float
 
+    def texts(self) -> tuple[str, str]:
+        """Return the detail and the limit of the fault."""
+        detail = f"{self.rest_ohm:.4g} Ω at rest, {self.expected_ohm:.4g} Ω expected"
+        return detail, f"± {100.0 * self.tolerance:.2g} %"
+
 
 @dataclass(slots=True)
 class _Block:
