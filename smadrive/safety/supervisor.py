@@ -28,8 +28,8 @@ REFUSED = "refused to arm"
 class Supervisor:
     """Checks each measurement, and the time since the last measurement; the first fault is latched as `trip`.
 
-    `temperature_band` compares the reading with the heat input, and `displacement_band` the displacement with the model
-    of the wire, `resistance_band` the resistance with its last runs. A band that is None is not checked.
+    `temperature_band` compares the reading with the heat input, `displacement_band` the displacement with the model of
+    the wire, and `resistance_band` the resistance with its last runs. A band that is None is not checked.
     """
 
     def __init__(

@@ -51,7 +51,8 @@ def test_adapted_loop_is_recorded(ruled_rig, tmp_path):
     in_force = ruled_rig.session.tunings.in_force.model
     assert session.kind == "tuning"
     assert session.adapted == pytest.approx(loop_shape(in_force, ruled_rig.model))
-    assert assess(wire_file, FeedbackConfig()).health.adapted_moved.heating_k > 1.0
+    moved = assess(wire_file, FeedbackConfig()).health.adapted_moved
+    assert moved.stroke_percent == pytest.approx(100.0 * (in_force.scale / ruled_rig.model.scale - 1.0))
     assert session.heating_c.value - read_health(wire_file).entries[0].heating_c.value == pytest.approx(
         2.0, abs=3 * session.heating_c.error
     )
