@@ -14,6 +14,7 @@ from smadrive.measurement import Measurement
 from smadrive.safety.debounce import Debounce
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR, Fault, Trip
+from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
 
@@ -27,8 +28,8 @@ REFUSED = "refused to arm"
 class Supervisor:
     """Checks each measurement, and the time since the last measurement; the first fault is latched as `trip`.
 
-    `temperature_band` compares the reading with the heat input, and `displacement_band` the displacement with the model
-    of the wire. A band that is None is not checked.
+    `temperature_band` compares the reading with the heat input, `displacement_band` the displacement with the model of
+    the wire, and `resistance_band` the resistance with its last runs. A band that is None is not checked.
     """
 
     def __init__(
@@ -36,10 +37,12 @@ class Supervisor:
         limits: SafetyLimits,
         temperature_band: TemperatureBand | None = None,
         displacement_band: DisplacementBand | None = None,
+        resistance_band: ResistanceBand | None = None,
     ) -> None:
         self._limits = limits
         self._temperature_band = temperature_band
         self._displacement_band = displacement_band
+        self._resistance_band = resistance_band
         self.trip: Trip | None = None
         self._hot = Debounce(2, 3)
         self._cold = Debounce(3, 5)
@@ -55,8 +58,7 @@ class Supervisor:
         self._fresh_s: float | None = None
         self._following_s: float | None = None
         self._displaced_s = inf
-        limits_mm = limits.displacement_min_mm, limits.displacement_max_mm, limits.tracking_max_mm
-        self._limits_displacement = any(map(isfinite, limits_mm))
+        self._limits_displacement = limits.has_displacement
         self._in_band_s: float | None = None
         self._late_ticks = 0
 
@@ -72,6 +74,7 @@ class Supervisor:
         self._check_temperature_band(measurement, dt_s)
         self._check_displacement(measurement, setpoint_mm)
         self._check_displacement_band(measurement)
+        self._check_resistance_band(measurement)
         return self.trip
 
     def check_fresh(self, now_s: float) -> Trip | None:
@@ -210,6 +213,10 @@ class Supervisor:
             self._in_band_s = measurement.time_s
         elif measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
             self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, outside)
+
+    def _check_resistance_band(self, measurement: Measurement) -> None:
+        if self._resistance_band is not None and (jump := self._resistance_band.jumped(measurement)):
+            self._raise(Fault.RESISTANCE_JUMPED, measurement.time_s, *jump.texts())
 
     def _outside_band(self, measurement: Measurement) -> str | None:
         if self._displacement_band is None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
@@ -54,7 +54,15 @@ class Run:
     controller as it was at the end of the run.
     """
 
-    def __init__(self, log: Log, *, missed_deadlines: int | None = None, controller: Any = None) -> None:
+    def __init__(
+        self,
+        log: Log,
+        missed_deadlines: int | None = None,
+        *,
+        controller: Any = None,
+        warnings: Iterable[str] = (),
+    ) -> None:
+        self._warnings = tuple(warnings)
         self.log = log
         self.controller = controller
         self._missed_deadlines = missed_deadlines
@@ -125,7 +133,7 @@ class Run:
     @property
     def caveats(self) -> tuple[str, ...]:
         """Reasons to distrust the metrics, one sentence each."""
-        return run_caveats(self.log)
+        return (*run_caveats(self.log), *self._warnings)
 
     def plot(self, figure: str | None = None) -> PlotFigure:
         """Return the matplotlib figure 'tracking', 'loop', 'heat' or 'timing'; by default the first that exists.

@@ -105,6 +105,8 @@ def banner_html(status: dict[str, Any], note: str) -> str:
         lines.append(("bad", status["fault"]))
     lines += _device_lines(status, clear="press Clear faults")
     lines.extend(("note", f"warning about the model in force: {caveat}") for caveat in status["tuning"]["caveats"])
+    if status["wire_warning"]:
+        lines.append(("note", f"warning: {status['wire_warning']}"))
     if note:
         lines.append(("note", note))
     return _lines_html(lines)

@@ -35,6 +35,7 @@ class Status:
     """Collects events, the fault that is not cleared yet, a lost connection and the last measurement.
 
     `is_safe` becomes False when an attempt to switch the heater off fails, and True again when an attempt succeeds.
+    `wire_warning` says how far the wire has drifted; None for a wire as identified.
     `end` is None until the session ends. Then it is "off" if the devices have confirmed the safe state, otherwise
     "unconfirmed".
     """
@@ -45,6 +46,7 @@ class Status:
         self.fault_type: str | None = None
         self.fault_s: float | None = None
         self.lost: str | None = None
+        self.wire_warning: str | None = None
         self.is_safe = True
         self.end: str | None = None
         self.measurement: Measurement | None = None
@@ -95,6 +97,7 @@ class Status:
             "fault_type": self.fault_type,
             "fault_s": self.fault_s,
             "lost": self.lost,
+            "wire_warning": self.wire_warning,
             "device_faults": [] if measurement is None else measurement.device_faults,
             "temperature_fault": None if measurement is None else measurement.temperature_fault,
             "limited_by": [] if measurement is None else [*measurement.device_limits, *measurement.host_limits],
