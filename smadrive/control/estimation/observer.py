@@ -22,7 +22,7 @@ The estimate is the whole state of an observer, so another observer can continue
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, nan
 from typing import NamedTuple
 
 from smadrive.control.estimation.gain import GainSchedule
@@ -105,6 +105,13 @@ class WireObserver:
         have.
         """
         return estimate._replace(hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
+
+    def cooling(self, estimate: WireEstimate) -> float:
+        """Return the estimated heat loss, divided by the loss of the heat balance; NaN near the ambient temperature."""
+        excess_c = estimate.temperature_c - self._balance.ambient_c
+        if excess_c < LEAST_EXCESS_C:
+            return nan
+        return 1.0 - estimate.disturbance_w / (self._balance.loss_w_per_k * excess_c)
 
     def predict(self, before: WireEstimate, power_w: float, dt_s: float) -> WireEstimate:
         """Return the estimate `dt_s` seconds after `before`, for a wire heated with `power_w`, by the model alone."""

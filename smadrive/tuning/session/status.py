@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from math import isfinite
 from typing import Any
 
 from smadrive.errors import TripError
@@ -11,6 +12,7 @@ from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.tuning.session.changes.comparison import Comparison
+from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.modes import Mode
 from smadrive.tuning.session.session_log import SessionLog
@@ -86,9 +88,12 @@ class Status:
         self.fault_s = time_s
         self.add_event(time_s, self.fault)
 
-    def document(self, mode: Mode, tunings: Tunings, memory: Memory | None, *, adapts: bool) -> dict[str, Any]:
-        """Return the status as values that JSON can hold. `memory` is the estimated memory of the wire, if any."""
+    def document(
+        self, mode: Mode, tunings: Tunings, live: SwappableController | None, *, adapts: bool
+    ) -> dict[str, Any]:
+        """Return the status as values that JSON can hold. `live` is the controller that runs, or None."""
         measurement = self.measurement
+        memory = None if live is None else live.memory
         return {
             **self._fixed,
             "mode": _HEATER.get(mode, "off" if self.is_safe else "off, unconfirmed"),
@@ -106,6 +111,8 @@ class Status:
             "redo": tunings.history.redo_name,
             "comparison": _comparison(tunings.comparison),
             "adapts": adapts,
+            "cooling": None if live is None else _rounded(live.command.cooling, 2),
+            "shift_c": None if live is None else _rounded(live.command.shift_c, 1),
             "turning_points": None if memory is None else _turning_points(memory),
             "events": list(self.events),
         }
@@ -126,6 +133,10 @@ class Status:
             }
             self._described = tuning, document
         return self._described[1]
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    return round(value, digits) if isfinite(value) else None
 
 
 def _turning_points(memory: Memory) -> dict[str, Any]:
