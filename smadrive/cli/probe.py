@@ -13,6 +13,7 @@ from smadrive.rig.calibration.description import descriptions, today
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.rig.switching_off.guardians import notes_waiting_guardians, waiting_guardians
+from smadrive.wire.cold_wire import cold_wire_caveats
 
 
 def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> None:
@@ -24,11 +25,13 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
         identities = {name: str(identity) for name, identity in open_rig.identify().items()}
         tripped = open_rig.latch.read()
     waiting = waiting_guardians()
+    caveats = cold_wire_caveats(measurement.temperature_c, open_rig.data_sheet.ambient_c)
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))
     for description in descriptions(config.calibration, today()).values():
         output.say(f"{config.name}: {description}")
+    output.warn(caveats)
     _print_latched(output, measurement, tripped, rig)
     for guardian in waiting:
         output.say(guardian)
@@ -38,6 +41,7 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
             "devices": identities,
             **measurement._asdict(),
             "calibration": config.calibration.model_dump(mode="json"),
+            "caveats": caveats,
             "tripped": tripped,
             "waiting_guardians": waiting,
         }
