@@ -138,6 +138,14 @@ def test_limits_are_checked_before_the_port(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
 
 
+def test_smallest_current_limit_is_no_fault_of_the_device(tmp_path):
+    limits = CLOSED.config.limits.model_copy(update={"current_max_a": 0.03})
+    with Rig(CLOSED.config.model_copy(update={"limits": limits})) as rig:
+        step = ManualStep(0.03, None, 20.0)
+        heat(tmp_path / "small.h5", rig, step, lambda recorder, _duration_s: nullcontext(recorder.tick))
+    assert read_log(tmp_path / "small.h5").ended_by == ""
+
+
 def test_step_that_needs_more_than_the_largest_current_is_doubted():
     config = CLOSED.config.model_copy(update={"limits": CLOSED.config.limits.model_copy(update={"current_max_a": 0.2})})
     (caveat,) = check_step(ManualStep(None, 120.0, 1.0), config, CLOSED.data_sheet)
