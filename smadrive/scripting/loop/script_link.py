@@ -29,7 +29,7 @@ from smadrive.control.loop import Tick, never
 from smadrive.errors import ControllerError, SmadriveError, StoppedError
 from smadrive.rig.rig import Record
 from smadrive.runs.run_log import TickRecorder
-from smadrive.safety.shutdown import carry, shutdown_of
+from smadrive.safety.shutdown import carry, keep_outcome, shutdown_of
 from smadrive.scripting.loop.messages import (
     END,
     INTERRUPT,
@@ -127,6 +127,7 @@ class ScriptLink:
             isinstance(error, SmadriveError) and not is_own_code
         )
         text = "" if is_plain else "".join(traceback.format_exception(error))
+        keep_outcome(error)
         self._send(_dumped(self._number, error, text))
 
     def _report(self, progress: RunProgress) -> None:
