@@ -207,7 +207,7 @@ class OpenRig:
             if os.path.lexists(path):
                 error.add_note(f"the record of the run up to its end: {path}")
             raise
-        return Run(read_log(path), missed_deadlines=driven.missed_deadlines, controller=driven.controller)
+        return Run(read_log(path), driven)
 
     def _call(self, request: Any) -> Any:
         self._check_open()
