@@ -11,8 +11,6 @@ from contextlib import nullcontext
 from traceback import walk_tb
 from typing import Any
 
-import cloudpickle
-
 from smadrive.clock import MonotonicClock, VirtualClock
 from smadrive.control.loop import LoopMetrics
 from smadrive.errors import ControllerError, StoppedError, TripError
@@ -21,6 +19,7 @@ from smadrive.rig.rig import Rig
 from smadrive.rig.supervision import stale_after_s
 from smadrive.runs.experiments import drive, excite, heat, plan_excitation, track
 from smadrive.runs.tracking_plan import plan_tracking
+from smadrive.scripting.loop.code_origin import dumps
 from smadrive.scripting.loop.messages import (
     AnyScriptRequest,
     ClearFaultsRequest,
@@ -134,7 +133,7 @@ def _driven(request: DriveRequest, rig: Rig, link: ScriptLink) -> DrivenRun:
 def _is_transferable(controller: Any) -> bool:
     """Return True if the controller can be pickled, which is impossible if, for example, it holds an open file."""
     try:
-        cloudpickle.dumps(controller)
+        dumps(controller)
     except Exception:  # noqa: BLE001 (pickling runs code of the user)
         return False
     return True
