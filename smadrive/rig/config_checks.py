@@ -32,6 +32,7 @@ from smadrive.rig.config import RigConfig
 from smadrive.rig.controllers import excitation_path
 from smadrive.wire.data_sheet import WireDataSheet
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.resistance import LEADS_OHM
 
 AMPLE = 20.0
 """Highest current limit, as a multiple of the current that holds the wire at temperature_max_c."""
@@ -44,9 +45,6 @@ LEAST_SHARE = 0.5
 
 MOST_VOLTS = 4.0
 """The highest voltage limit, as a multiple of the voltage that the circuit needs at its largest current."""
-
-LEADS_OHM = 0.5
-"""Resistance of leads and clamps in ohms. It matters for a short thick wire."""
 
 ZERO_C_IN_K = 273.15
 
