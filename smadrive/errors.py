@@ -39,6 +39,10 @@ CUT = (
 """`UNCONFIRMED` begins and `CUT` ends the note that an error carries when current may still flow."""
 
 
+STOPPED = "stopped by `smadrive off`"
+"""The end of a run by an emergency stop, as errors, logs and rigs say it."""
+
+
 def free_the_line(pid: int | None) -> str:
     """Return the cure for a line that another program uses; `pid` is None if its process is unknown."""
     kill = "`kill PID`" if pid is None else f"`kill {pid}`"

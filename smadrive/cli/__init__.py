@@ -81,9 +81,7 @@ def _print_end(error: BaseException, *ending: str) -> None:
 
     A broken stderr changes no exit code.
     """
-    outcome = shutdown_of(error) or (
-        shutdown_of(error.__cause__) if isinstance(error, StoppedError) and error.__cause__ else None
-    )
+    outcome = shutdown_of(error)
     confirmed = (str(outcome),) if outcome is not None and outcome.confirmed and _is_printed(outcome, error) else ()
     if sys.stderr is not None:
         with suppress(OSError, ValueError):

@@ -21,6 +21,7 @@ from smadrive.rig.calibration.rig_file import check_own_file, store_calibration
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.wire.boiling_point import STANDARD_HPA, boiling_point_c
+from smadrive.wire.cold_wire import calibration_caveats
 
 SUFFIXES = {"temperature": "c", "displacement": "mm"}
 VALUE_UNCERTAINTIES = {"temperature": 0.1, "displacement": 0.01}
@@ -76,8 +77,8 @@ def main(
     store_calibration(path, sensor, section)
     _print(output, sensor, fit, points)
     output.say(f"{path}: {descriptions(load_rig(rig).calibration, today())[sensor]}")
-    if fit.scale_uncertainty is None:
-        output.warn(["one point determines only the offset; a second point would determine the scale, too"])
+    caveats = _caveats(sensor, fit, closed_rig.data_sheet.ambient_c)
+    output.warn(caveats)
     output.result(
         {
             "rig_file": str(path),
@@ -86,6 +87,7 @@ def main(
             "on": section["on"].isoformat(),
             "points": [one._asdict() for one in points],
             "residual": fit.residual,
+            "caveats": caveats,
         }
     )
 
@@ -147,6 +149,15 @@ def _section(sensor: CalibratedSensor, fit: CalibrationFit, points: list[Calibra
     values["on"] = today()
     values["evidence"] = "; ".join(f"{one.reading:.4g} read at {one.value:.4g} {UNITS[sensor]}" for one in points)
     return values
+
+
+def _caveats(sensor: CalibratedSensor, fit: CalibrationFit, ambient_c: float) -> tuple[str, ...]:
+    """Return the reasons to distrust a calibration, one sentence each."""
+    only_offset = "one point determines only the offset; a second point would determine the scale, too"
+    few = () if fit.scale_uncertainty is not None else (only_offset,)
+    if sensor is not CalibratedSensor.TEMPERATURE:
+        return few
+    return (*few, *calibration_caveats(fit.scale * ambient_c + fit.offset, ambient_c))
 
 
 def _print(output: Output, sensor: CalibratedSensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> None:

@@ -20,7 +20,7 @@ from smadrive.files.kinds import LOG
 from smadrive.rig.config import load_rig
 from smadrive.rig.config_checks import check_step
 from smadrive.rig.rig import Rig
-from smadrive.runs.experiments import heat
+from smadrive.runs.experiments import heat, step_doubts
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metrics import StepMetrics, step_caveats, step_metrics, tripped_loop_metrics
 
@@ -45,9 +45,10 @@ def main(
     log_file = log_file or unused_record("heat", LOG)
     check_output(log_file, LOG)
     closed_rig = Rig(load_rig(rig), trace_folder=trace)
-    output.warn(check_step(step, closed_rig.config, closed_rig.data_sheet))
+    check_step(step, closed_rig.config, closed_rig.data_sheet)
     try:
         with log_named_at_interruption(log_file, "the step"), closed_rig as open_rig:
+            output.warn(step_doubts(open_rig, step))
             watch = shown(f"heating, {step}", open_rig.config.limits.current_max_a, quiet=output.quiet)
             loop = heat(log_file, open_rig, step, announced(output, log_file, "the step", open_rig.clock, watch))
     except TripError as trip:

@@ -17,7 +17,7 @@ from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL, PAGE
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
-from smadrive.identification.memory.fit import MOST_TURNING_POINT_SETS, MemoryFit
+from smadrive.identification.memory.fit import MemoryFit, check_memory
 from smadrive.identification.thermal import ThermalFit
 from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, AnyFit, FitSettings
 from smadrive.runs.record_fit import INPUT, OUTPUT, fit_file
@@ -49,9 +49,8 @@ def main(
     memory: Annotated[
         int | None,
         typer.Option(
-            min=1,
-            max=MOST_TURNING_POINT_SETS,
-            help="Sets of the last turning point (--kind tsfuzzy), 1 is no memory; by default held-out loops decide.",
+            help="Sets of the last turning point (--kind tsfuzzy), 4 to 40, or 1 for no memory; by default held-out "
+            "loops decide.",
         ),
     ] = None,
     input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = INPUT,
@@ -71,6 +70,8 @@ def main(
     if memory is not None and kind is not Kind.tsfuzzy:
         cure = "leave it out, or use --kind tsfuzzy"
         raise ConfigError("only a T-S fuzzy model can have memory", where="--memory", value=memory, cure=cure)
+    if memory is not None:
+        check_memory(memory, ConfigError, "--memory")
     check_output(model_file, MODEL, data)
     if plot is not None:
         check_output(plot, PAGE, data)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Annotated
 
@@ -12,7 +13,7 @@ from smadrive.cli.output import AsJson, Output
 from smadrive.cli.stdout import use_stderr_if_stdout_fails
 from smadrive.errors import SafetyError
 from smadrive.rig.switching_off.guardians import notes_waiting_guardians, waiting_guardians
-from smadrive.rig.switching_off.switch_off import switch_off
+from smadrive.rig.switching_off.switch_off import SwitchedOff, switch_off
 
 ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults; remove the cause first.")]
 
@@ -27,10 +28,11 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
     output = Output(as_json)
     with notes_waiting_guardians():
         off = switch_off(rig, clear_faults=clear_faults)
-    waiting, warnings = _waiting_guardians(off.warnings)
+    waiting, warnings = _waiting_guardians((*off.warnings, *_simulated(off)))
     for driver in off.stopped:
         output.say(str(driver))
-    output.say(f"{off.rig}: heater off, confirmed by read-back ({', '.join(off.devices)})")
+    shown = (f"{name}, simulated by this command" if name in off.simulated else name for name in off.devices)
+    output.say(f"{off.rig}: heater off, confirmed by read-back ({', '.join(shown)})")
     if off.latched:
         output.say(f"latched: {', '.join(off.latched)} (clear with --clear-faults)")
     for guardian in waiting:
@@ -40,6 +42,7 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
         {
             "rig": off.rig,
             "devices": off.devices,
+            "simulated": off.simulated,
             "stopped_drivers": [asdict(driver) for driver in off.stopped],
             "safe": not off.displaced and off.refused is None,
             "faults": off.latched,
@@ -57,6 +60,16 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
         )
     if off.failure is not None:
         raise off.failure
+
+
+def _simulated(off: SwitchedOff) -> Iterator[str]:
+    """Yield a warning if devices are simulated: a run of another program on this rig goes on."""
+    if off.simulated:
+        names = " and ".join(f"'{name}'" for name in off.simulated)
+        yield (
+            f"each program simulates {names} (sim://) for itself, so no other program was stopped: end it with Ctrl-C "
+            "in its terminal, or with `kill`"
+        )
 
 
 def _waiting_guardians(warnings: tuple[str, ...]) -> tuple[list[str], list[str]]:

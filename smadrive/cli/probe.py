@@ -19,6 +19,7 @@ from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.rig.switching_off.guardians import notes_waiting_guardians, waiting_guardians
 from smadrive.runs.health.assessment import assess, health_values
+from smadrive.wire.cold_wire import cold_wire_caveats
 
 
 def main(
@@ -42,6 +43,7 @@ def main(
         wire_file = model or _model_file(config)
         found = None if wire_file is None else assess(wire_file, config.feedback)
     waiting = waiting_guardians()
+    caveats = cold_wire_caveats(measurement.temperature_c, open_rig.data_sheet.ambient_c)
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))
@@ -49,6 +51,7 @@ def main(
         output.say(f"{config.name}: {description}")
     if found is not None:
         show_health(output, found)
+    output.warn(caveats)
     _print_latched(output, measurement, tripped, rig)
     for guardian in waiting:
         output.say(guardian)
@@ -58,6 +61,7 @@ def main(
             "devices": identities,
             **measurement._asdict(),
             "calibration": config.calibration.model_dump(mode="json"),
+            "caveats": caveats,
             "tripped": tripped,
             "waiting_guardians": waiting,
             "wire": None if found is None else health_values(found),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
+from smadrive.wire.cold_wire import CHECK_CALIBRATION, COLD_WIRE_K, is_too_cold
 from smadrive.wire.heat_balance import HeatBalance
 
 LONGEST_S = 86_400.0
@@ -98,9 +99,10 @@ def path_length_k(turning_points_c: Iterable[float]) -> float:
 
 
 def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a: float, found: Measurement) -> None:
-    """Raise ConfigError when the nominal wire cannot follow the excitation, or when no displacement is measured.
+    """Raise ConfigError when the nominal wire cannot follow the excitation, or when a measurement is missing or wrong.
 
-    `balance` is the nominal heat balance, `found` a measurement before the start. The largest current must reach the
+    `balance` is the nominal heat balance, `found` a measurement before the start. The displacement must be measured,
+    and the wire must not read much colder than its surroundings. The largest current must reach the
     highest temperature at the rate of the path. The wire must cool at this rate at the lowest temperature, where it
     cools slowest. Heating and cooling must have a reserve of the factor `SPARE`.
     """
@@ -109,6 +111,14 @@ def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a
             "no displacement is measured, and the identification needs it",
             where="excitation",
             cure="connect a sensor, and add its device to the rig file",
+        )
+    if is_too_cold(found.temperature_c, balance.ambient_c):
+        raise ConfigError(
+            "the unheated wire reads colder than its surroundings can be",
+            where="excitation",
+            value=f"{found.temperature_c:.1f} °C",
+            limit=f"{COLD_WIRE_K:g} K below ambient_c = {balance.ambient_c:g} °C",
+            cure=CHECK_CALIBRATION,
         )
     inner = excitation.turning_points_c[1:]
     low_c, high_c, rate = min(inner), max(inner), excitation.rate_c_per_s

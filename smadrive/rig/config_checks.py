@@ -7,10 +7,11 @@ holds a wire of resistance R at `temperature_max_c` (T_max) in surroundings of T
 
     I_held = sqrt(h A (T_max - T_amb) / R)
 
-A current limit of more than `AMPLE` times this current has no effect. When a clamp opens, the voltage of a supply rises
-to the voltage limit, so this limit should be only a little above R I_max, with I_max the current limit. If a supply
-gives less than `LEAST_SHARE` of the commanded current, the supervisor assumes a broken circuit. So the voltage limit
-must at least allow this share. The upper bound of the voltage limit allows for the leads, and for a current limit that
+A current limit of more than `AMPLE` times this current has no effect. A current limit that warms the wire by less than
+`LEAST_WARMING_K` is lost in the noise of the measured current. When a clamp opens, the voltage of a supply rises to the
+voltage limit, so this limit should be only a little above R I_max, with I_max the current limit. If a supply gives less
+than `LEAST_SHARE` of the commanded current, the supervisor assumes a broken circuit. So the voltage limit must at least
+allow this share. The upper bound of the voltage limit allows for the leads, and for a current limit that
 is still low for the first heating: V <= `MOST_VOLTS` (R + R_leads) max(I_max, I_held).
 
 **Heat balance.** An identified heat balance must be near the nominal heat balance of the rig's wire, because all
@@ -31,18 +32,19 @@ from smadrive.rig.config import RigConfig
 from smadrive.rig.controllers import excitation_path
 from smadrive.wire.data_sheet import WireDataSheet
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.resistance import LEADS_OHM
 
 AMPLE = 20.0
 """Highest current limit, as a multiple of the current that holds the wire at temperature_max_c."""
+
+LEAST_WARMING_K = 1.0
+"""Lowest current limit: the current that holds the wire this much above ambient_c."""
 
 LEAST_SHARE = 0.5
 """Lowest voltage limit: the voltage that drives this fraction of current_max_a through the nominal wire."""
 
 MOST_VOLTS = 4.0
 """The highest voltage limit, as a multiple of the voltage that the circuit needs at its largest current."""
-
-LEADS_OHM = 0.5
-"""Resistance of leads and clamps in ohms. It matters for a short thick wire."""
 
 ZERO_C_IN_K = 273.15
 
@@ -63,7 +65,8 @@ def check_limits(config: RigConfig, wire: WireDataSheet) -> None:
     _check_temperature(config, wire)
     balance = wire.heat_balance()
     held_a = balance.current_a(balance.power_w(config.limits.temperature_max_c, 0.0, 0.0), 1.0)
-    _check_current(config, held_a)
+    least_a = balance.current_a(balance.power_w(wire.ambient_c + LEAST_WARMING_K, 0.0, 0.0), 0.0)
+    _check_current(config, held_a, least_a)
     _check_voltage(config, balance, held_a)
 
 
@@ -104,8 +107,16 @@ def _kelvin_hint(value: float, low_c: float, high_c: float) -> str:
     return f". Is it in kelvin? {value:g} K is {value_c:.0f} °C" if low_c < value_c <= high_c else ""
 
 
-def _check_current(config: RigConfig, held_a: float) -> None:
+def _check_current(config: RigConfig, held_a: float, least_a: float) -> None:
     limit_a = config.limits.current_max_a
+    if limit_a < least_a:
+        raise ConfigError(
+            f"limits.current_max_a is too small to warm '{config.wire}' by {LEAST_WARMING_K:g} K",
+            where=f"rig '{config.name}'",
+            value=f"{limit_a:g} A",
+            limit=f"at least {least_a:.2g} A",
+            cure="raise limits.current_max_a to a current that the data sheet of the wire allows. Is it in amperes?",
+        )
     if limit_a > AMPLE * held_a:
         raise ConfigError(
             f"limits.current_max_a is far above the {held_a:.2g} A that hold '{config.wire}' at temperature_max_c",

@@ -58,13 +58,18 @@ def supervisor(
     return Supervisor(limits, band, displacement, resistance)
 
 
+def stale_after_s(config: RigConfig) -> float:
+    """Return the longest time between two measurements of a run, s."""
+    return max(config.limits.stale_after_s, STALE_PERIODS / config.rate_hz)
+
+
 def _safety_limits(config: RigConfig, settle_s: float, lag_s: float) -> SafetyLimits:
     limits = config.limits
     return SafetyLimits(
         limits.temperature_max_c,
         limits.temperature_min_c,
         limits.current_max_a,
-        stale_after_s=max(limits.stale_after_s, STALE_PERIODS / config.rate_hz),
+        stale_after_s=stale_after_s(config),
         current_tolerance_a=min(CURRENT_TOLERANCE_A, ZERO_SHARE * limits.current_max_a),
         settle_s=settle_s,
         displacement_min_mm=-inf if limits.displacement_min_mm is None else limits.displacement_min_mm,

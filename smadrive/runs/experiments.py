@@ -35,6 +35,7 @@ from smadrive.runs.run_log import (
     reference_text,
 )
 from smadrive.runs.tracking_plan import PlannedTracking
+from smadrive.wire.cold_wire import cold_wire_caveats
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
 
@@ -95,17 +96,26 @@ def observe(rig: Rig, duration_s: float, record: Record, is_ended: StopRequested
 
 
 def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetrics:
-    """Run a manual step and record it in `log_file`.
+    """Run a manual step and record it in `log_file`, with the reasons to distrust its temperature.
 
     ConfigError if the step exceeds a limit of the rig, TripError after a trip.
     """
-    caveats = check_step(step, rig.config, rig.data_sheet)
+    caveats = step_doubts(rig, step)
     controller = step_controller(rig.config, step, rig.nominal_balance)
     with (
         record_step(log_file, rig, step, caveats=json.dumps(caveats)) as recorder,
         watch(recorder, step.duration_s) as record,
     ):
         return rig.drive(controller, rig.nominal_balance, record)
+
+
+def step_doubts(rig: Rig, step: ManualStep) -> tuple[str, ...]:
+    """Return the reasons to distrust a manual step from the present temperature, one sentence each. Nothing is heated.
+
+    ConfigError if the step exceeds a limit of the rig.
+    """
+    caveats = check_step(step, rig.config, rig.data_sheet)
+    return (*caveats, *cold_wire_caveats(rig.measure().temperature_c, rig.data_sheet.ambient_c))
 
 
 def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> LoopMetrics:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from math import inf, isfinite
@@ -16,13 +16,15 @@ from pathlib import Path
 
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
-from smadrive.control.loop import Tick
+from smadrive.control.loop import Tick, never
 from smadrive.control.references.reference import Reference
+from smadrive.errors import StoppedError
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.runs.columns import COLUMNS, row_getter
+from smadrive.runs.log.reader import STOP
 from smadrive.runs.log.recorder import Recorder
 from smadrive.runs.log.writer import GROWTH_ROWS
 from smadrive.runs.session_record import KIND
@@ -52,11 +54,15 @@ _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 class TickRecorder(Recorder):
     """Records the ticks of a loop: a row for each tick, and events.
 
-    An event is written when the faults change, and when a limit acts for the first time.
+    An event is written when the faults change, and when a limit acts for the first time. `is_stopped` returns True if
+    `smadrive off` has interrupted the run.
     """
 
-    def __init__(self, path: Path, metadata: Mapping[str, str], rows: int) -> None:
+    def __init__(
+        self, path: Path, metadata: Mapping[str, str], rows: int, is_stopped: Callable[[], bool] = never
+    ) -> None:
         super().__init__(path, tuple(COLUMNS), metadata, rows)
+        self._is_stopped = is_stopped
         self._reported_limits: set[str] = set()
         self._faults: tuple[str, ...] = ()
 
@@ -65,6 +71,12 @@ class TickRecorder(Recorder):
         self.row(_row(tick))
         self._report_faults(tick.measurement)
         self._report_limits(tick.measurement)
+
+    def _cause(self, error: BaseException) -> str:
+        is_interruption = isinstance(error, KeyboardInterrupt | SystemExit)
+        if isinstance(error, StoppedError) or (is_interruption and self._is_stopped()):
+            return STOP
+        return super()._cause(error)
 
     def _report_faults(self, measurement: Measurement) -> None:
         faults = measurement.device_faults
@@ -159,4 +171,4 @@ def _open(path: Path, rig: Rig, metadata: Mapping[str, str], duration_s: float) 
         "machine": platform.platform(),
     }
     rows = int(duration_s / rig.period_s) + 1 if isfinite(duration_s) else GROWTH_ROWS
-    return TickRecorder(path, {**of_the_rig, **metadata}, rows)
+    return TickRecorder(path, {**of_the_rig, **metadata}, rows, lambda: rig.stop.requested)

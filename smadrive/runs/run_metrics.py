@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import nan
 from typing import Any
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from smadrive.control.loop import LATE_FRACTION, LoopMetrics
 from smadrive.errors import DataError
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_metadata import reference_of, rig_config_of, step_of, wire_of
+from smadrive.runs.run_metadata import nominal_balance, reference_of, rig_config_of, step_of, wire_of
+from smadrive.wire.resistance import resistance_caveats
 from smadrive.wire.wire_model import travel_mm
 
 Array = NDArray[np.float64]
@@ -135,9 +136,12 @@ def _command_caveats(log: Log) -> Iterator[str]:
     """Yield doubts about the commands of the user's controller: currents and setpoints outside their ranges."""
     current_max_a = rig_config_of(log).limits.current_max_a
     commanded_a = log.column_with_gaps("commanded_a")
-    if clamped := int(np.count_nonzero(commanded_a > current_max_a)):
+    if above := int(np.count_nonzero(commanded_a > current_max_a)):
         limit = f"current_max_a = {current_max_a:g} A (largest {np.nanmax(commanded_a):.3g} A)"
-        yield f"{clamped} of {commanded_a.size} commands were above {limit} and were clamped"
+        yield f"{above} of {commanded_a.size} commands were above {limit} and were clamped"
+    if negative := int(np.count_nonzero(commanded_a < 0.0)):
+        lowest = f"lowest {np.nanmin(commanded_a):.3g} A"
+        yield f"{negative} of {commanded_a.size} commands were negative ({lowest}), and zero was sent"
     setpoint_mm, reach_mm = log.column_with_gaps("setpoint_mm"), sorted(travel_mm(wire_of(log).model))
     if outside := int(np.count_nonzero((setpoint_mm < reach_mm[0]) | (setpoint_mm > reach_mm[1]))):
         reach = f"{reach_mm[0]:.2f} to {reach_mm[1]:.2f} mm"
@@ -191,21 +195,22 @@ def step_metrics(log: Log) -> StepMetrics:
     temperature_c, displacement_mm, current_a, voltage_v = (log.column_with_gaps(name)[is_end] for name in names)
     flows = current_a >= MEASURABLE * rig_config_of(log).limits.current_max_a
     return StepMetrics(
-        _median(temperature_c),
+        _of_finite(np.median, temperature_c),
         whole.temperature_max_c,
-        _median(displacement_mm),
-        _median(current_a),
-        _median(voltage_v[flows] / current_a[flows]),
+        _of_finite(np.median, displacement_mm),
+        _of_finite(np.median, current_a),
+        _of_finite(np.median, voltage_v[flows] / current_a[flows]),
         whole.energy_j,
     )
 
 
 def step_caveats(log: Log) -> tuple[str, ...]:
-    """Return a reason to distrust a manual step whose temperature was not reached; otherwise return nothing."""
-    setpoint_c, end_c = step_of(log).temperature_c, step_metrics(log).temperature_end_c
-    if setpoint_c is None or not abs(end_c - setpoint_c) > NOT_REACHED_K:
-        return ()
-    return (f"the step ended at {end_c:.1f} °C, and its setpoint was {setpoint_c:g} °C",)
+    """Return reasons to distrust a manual step: a temperature that was not reached, an unexpected resistance."""
+    metrics, setpoint_c = step_metrics(log), step_of(log).temperature_c
+    doubts = resistance_caveats(metrics.resistance_end_ohm, nominal_balance(log))
+    if setpoint_c is None or not abs(metrics.temperature_end_c - setpoint_c) > NOT_REACHED_K:
+        return doubts
+    return (f"the step ended at {metrics.temperature_end_c:.1f} °C, and its setpoint was {setpoint_c:g} °C", *doubts)
 
 
 def run_metrics(log: Log) -> RunMetrics:
@@ -222,8 +227,8 @@ def run_metrics(log: Log) -> RunMetrics:
         *_rms_and_max(error),
         _missed_deadlines(log),
         float(log.column("late_s").max()),
-        _largest(log.column_with_gaps("temperature_c")),
-        _largest(log.column_with_gaps("current_a")),
+        _of_finite(np.max, log.column_with_gaps("temperature_c")),
+        _of_finite(np.max, log.column_with_gaps("current_a")),
         float(np.nansum(power_w[1:] * np.diff(time_s))),
         100.0 * float(np.mean(log.column("limited"))),
     )
@@ -236,14 +241,10 @@ def _missed_deadlines(log: Log) -> int:
 def _rms_and_max(values: Array) -> tuple[float, float]:
     """Return the RMS and the largest magnitude of the finite values. Both are NaN when no value is finite."""
     finite = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if finite.size else nan, _largest(np.abs(finite))
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else nan, _of_finite(np.max, np.abs(finite))
 
 
-def _median(values: Array) -> float:
+def _of_finite(function: Callable[[Array], Any], values: Array) -> float:
+    """Return `function` of the finite values, or NaN when no value is finite."""
     finite = values[np.isfinite(values)]
-    return float(np.median(finite)) if finite.size else nan
-
-
-def _largest(values: Array) -> float:
-    finite = values[np.isfinite(values)]
-    return float(finite.max()) if finite.size else nan
+    return float(function(finite)) if finite.size else nan

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from smadrive.errors import CUT, UNCONFIRMED
+from smadrive.errors import CUT, UNCONFIRMED, StoppedError
 from smadrive.interrupts import ABORTS_AT, HeldSignals
 
 CONFIRMED = "the heater is off, confirmed by read-back"
@@ -89,9 +89,20 @@ def carry(error: BaseException, outcome: ShutdownOutcome) -> None:
 
 
 def shutdown_of(error: BaseException) -> ShutdownOutcome | None:
-    """Return the outcome that `error` carries, or None if it carries no outcome."""
+    """Return the outcome that `error` carries, or None if it carries no outcome.
+
+    A StoppedError without an outcome has the outcome of its cause, the interruption that ended the run.
+    """
     outcome: ShutdownOutcome | None = getattr(error, _CARRIED_AS, None)
+    if outcome is None and isinstance(error, StoppedError) and error.__cause__ is not None:
+        return shutdown_of(error.__cause__)
     return outcome
+
+
+def keep_outcome(error: BaseException) -> None:
+    """Attach the outcome of its cause to `error`, because a pickled error loses its cause."""
+    if (outcome := shutdown_of(error)) is not None:
+        setattr(error, _CARRIED_AS, outcome)
 
 
 @contextmanager

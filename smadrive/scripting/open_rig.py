@@ -95,11 +95,11 @@ class OpenRig:
         return self._finalizer.alive
 
     def close(self) -> None:
-        """Switch off, close the ports and end the loop process. Raises an error if the heater is not confirmed off."""
+        """Switch off and end the loop process. Raises an error if that is unconfirmed, or after `smadrive off`."""
         if not self.is_open:
             return
         try:
-            if not self._client.is_death_raised:
+            if not self._client.is_end_raised:
                 self._client.call(CloseRequest())
         finally:
             self._finalizer()
@@ -209,7 +209,7 @@ class OpenRig:
             if os.path.lexists(path):
                 error.add_note(f"the record of the run up to its end: {path}")
             raise
-        return Run(read_log(path), driven.missed_deadlines, controller=driven.controller, warnings=warnings)
+        return Run(read_log(path), driven, warnings)
 
     def _call(self, request: Any) -> Any:
         self._check_open()
@@ -227,7 +227,7 @@ class OpenRig:
             ("wire", Path(self.config.wire).name.removesuffix(".toml")),
             ("rate", f"{self.config.rate_hz:g} Hz{' in virtual time' if self.is_virtual else ''}"),
             ("limits", f"{limits.current_max_a:g} A, {limits.temperature_max_c:g} °C"),
-            ("state", "open, heater off" if self.is_open else "closed"),
+            ("state", (self._client.ending or "open, heater off") if self.is_open else "closed"),
         ]
 
     def __repr__(self) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from smadrive.runs.log.reader import read_log as read_log_file
 from smadrive.runs.plots import MEASURED, PlotFigure
 from smadrive.runs.run_metrics import RunMetrics, has_setpoint, run_caveats, run_metrics
 from smadrive.scripting.arguments import path_text
+from smadrive.scripting.loop.messages import DrivenRun
 
 if TYPE_CHECKING:
     import xarray
@@ -54,18 +55,11 @@ class Run:
     controller as it was at the end of the run.
     """
 
-    def __init__(
-        self,
-        log: Log,
-        missed_deadlines: int | None = None,
-        *,
-        controller: Any = None,
-        warnings: Iterable[str] = (),
-    ) -> None:
-        self._warnings = tuple(warnings)
+    def __init__(self, log: Log, driven: DrivenRun | None = None, warnings: Iterable[str] = ()) -> None:
+        self._warnings = (*warnings, *(() if driven is None else driven.doubts))
         self.log = log
-        self.controller = controller
-        self._missed_deadlines = missed_deadlines
+        self.controller = None if driven is None else driven.controller
+        self._driven = driven
 
     @property
     def log_file(self) -> Path:
@@ -123,7 +117,7 @@ class Run:
     @property
     def missed_deadlines(self) -> int:
         """Number of ticks that began too late, or were left out."""
-        return self.metrics.missed_deadlines if self._missed_deadlines is None else self._missed_deadlines
+        return self.metrics.missed_deadlines if self._driven is None else self._driven.missed_deadlines
 
     @property
     def trips(self) -> int:

@@ -13,8 +13,9 @@ from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL
 from smadrive.files.spelling import suggestion_or_list
-from smadrive.identification.memory.fit import MOST_TURNING_POINT_SETS
-from smadrive.identification.wire import FUZZY_SETS, AnyFit, FitSettings, Kind
+from smadrive.hysteresis.mixture import MOST_COMPONENTS
+from smadrive.identification.memory.fit import check_memory
+from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, AnyFit, FitSettings, Kind
 from smadrive.numerics.arrays import paired_vectors
 from smadrive.numerics.scalars import whole_number
 from smadrive.rig.config import FeedbackConfig
@@ -80,6 +81,7 @@ def identify(
     kind: Kind = "tsfuzzy",
     sets: int | None = None,
     memory: int | None = None,
+    components: int | None = None,
     input: str = INPUT,  # noqa: A002 (as the option of the command is called)
     output: str = OUTPUT,
 ) -> Wire:
@@ -91,15 +93,17 @@ def identify(
         wire = smadrive.identify(temperature_c, displacement_mm)      two arrays
 
     `input` and `output` choose other columns of a CSV file or a table. A table is any object with columns by name, such
-    as a DataFrame, a dict or an xarray.Dataset. `kind` is "tsfuzzy" or "duhem", `sets` the number of fuzzy sets of a
-    T-S fuzzy model, by default 11. `memory` is the number of sets of the last turning point, from 4 to 40; 1 is no
-    memory. By default loops of the record that are held out of the fit decide.
+    as a DataFrame, a dict or an xarray.Dataset. `kind` is "tsfuzzy" or "duhem". `sets` is the number of fuzzy sets of a
+    T-S fuzzy model, 3 to 99, by default 11. `memory` is the number of sets of its last turning point, 4 to 40; 1 is no
+    memory. By default loops of the record that are held out of the fit decide. `components` is the number of Gaussians
+    per branch of a Duhem model, 1 to 6, by default 2.
 
     ConfigError for an option that the kind or the record does not have. DataError for a record that cannot be used,
     IdentificationError for a record that does not determine the model.
     """
     _check_options(kind, sets, memory, (input, output))
-    settings = FitSettings(kind, FUZZY_SETS if sets is None else sets, memory)
+    _check_components(kind, components)
+    settings = FitSettings(kind, sets or FUZZY_SETS, memory, components or DUHEM_COMPONENTS)
     record, source = _fitted(data, displacement_mm, (input, output), settings)
     wire = record.wire(source)
     axes = ("wire temperature / °C", "displacement / mm") if record.thermal is not None else record.axes
@@ -126,7 +130,7 @@ def _check_options(kind: object, sets: object, memory: object, columns: tuple[ob
             cure = 'leave sets out, or pass kind="tsfuzzy"'
             raise ConfigError("only a T-S fuzzy model has fuzzy sets", where="sets", value=sets, cure=cure)
     if memory is not None:
-        whole_number(memory, "memory", "sets of the last turning point", 1, MOST_TURNING_POINT_SETS)
+        check_memory(memory, ConfigError)
         if kind != "tsfuzzy":
             cure = 'leave memory out, or pass kind="tsfuzzy"'
             raise ConfigError("only a T-S fuzzy model can have memory", where="memory", value=memory, cure=cure)
@@ -134,6 +138,15 @@ def _check_options(kind: object, sets: object, memory: object, columns: tuple[ob
         if not isinstance(name, str):
             cure = "pass the name of a column"
             raise ConfigError("of the wrong type", where=where, value=type(name).__qualname__, cure=cure)
+
+
+def _check_components(kind: object, components: object) -> None:
+    if components is None:
+        return
+    whole_number(components, "components", "Gaussians per branch", 1, MOST_COMPONENTS)
+    if kind != "duhem":
+        cure = 'leave components out, or pass kind="duhem"'
+        raise ConfigError("only a Duhem model has Gaussians", where="components", value=components, cure=cure)
 
 
 def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], settings: FitSettings) -> tuple[RecordFit, str]:

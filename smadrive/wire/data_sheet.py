@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from math import pi
+from typing import Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import WIRE
 from smadrive.files.shipped import config_file
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
+from smadrive.wire.resistance import RESISTIVITIES_UOHM_M, resistivity_uohm_m
 
 AGEING_C = 200.0
 """Above this temperature in °C nickel-titanium ages permanently. The wire file of another alloy sets its own limit."""
@@ -36,6 +38,19 @@ class WireDataSheet(Section):
     ambient_c: float = Field(ge=-100, le=150)
     thermocouple_lag_s: float = Field(ge=0, le=10)
     temperature_max_c: float = Field(default=AGEING_C, ge=30, le=350)
+
+    @model_validator(mode="after")
+    def _has_a_resistivity(self) -> Self:
+        """Return the data sheet. Raise an error if no alloy has the resistivity that follows from its values."""
+        found, (low, high) = resistivity_uohm_m(self.diameter_mm, self.resistance_ohm_per_m), RESISTIVITIES_UOHM_M
+        if not low <= found <= high:
+            least, most = (self.resistance_ohm_per_m * bound / found for bound in (low, high))
+            raise ValueError(
+                f"resistance_ohm_per_m = {self.resistance_ohm_per_m:g} is impossible for diameter_mm = "
+                f"{self.diameter_mm:g}: an alloy of {low:g} to {high:g} µΩ·m gives {least:.2g} to {most:.2g} Ω/m. Is "
+                "the resistance in ohms per metre, and the diameter in millimetres?"
+            )
+        return self
 
     def heat_balance(self) -> HeatBalance:
         """Return the nominal heat balance. The mass follows from the volume, the heat loss from the lateral surface."""

@@ -73,15 +73,15 @@ def state_of(log: Log, summary: RunMetrics) -> Banner:
         return Banner("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
     unconfirmed = [event.message for event in log.events if event.message.startswith(UNCONFIRMED)]
     return Banner(
-        "warning" if log.ended_by.startswith("interruption") and not unconfirmed else "bad",
+        "warning" if log.is_ended_by_user and not unconfirmed else "bad",
         " — ".join([f"Ended after {summary.duration_s:.1f} s by {log.ended_by}", *unconfirmed]),
     )
 
 
 def _is_ended_safely(log: Log) -> bool:
-    """Return True for a session that a signal ended, with the heater confirmed off. Every session ends like this."""
+    """Return True for a session that the user ended, with the heater confirmed off. Every session ends like this."""
     messages = [event.message for event in log.events]
-    return log.ended_by.startswith("interruption") and SESSION_ENDED["off"] in messages
+    return log.is_ended_by_user and SESSION_ENDED["off"] in messages
 
 
 def _caveats(log: Log) -> Iterator[Banner]:

@@ -121,7 +121,7 @@ class TemperatureController:
         self._stalled_s += dt_s
         if self._stalled_s > STALLS_S:
             cure = (
-                "lower high_c, or raise current_max_a if the data sheet of the wire allows it"
+                "if its calibration is right, too, lower high_c, or raise current_max_a if the data sheet allows it"
                 if reading_c < path_c
                 else "raise low_c or cool the surroundings"
             )
@@ -129,7 +129,7 @@ class TemperatureController:
                 f"the wire did not reach {path_c:.1f} °C within {STALLS_S:g} s",
                 where="excitation",
                 value=f"{reading_c:.1f} °C",
-                cure=f"{cure}, and check that the thermocouple sits on the wire",
+                cure=f"check that the thermocouple sits on the wire; {cure}",
             )
 
     def _reading_c(self, measurement: Measurement) -> float:

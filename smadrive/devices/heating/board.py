@@ -17,13 +17,16 @@ from smadrive.devices.device import Device
 from smadrive.devices.heating.device_source import DeviceSource
 from smadrive.devices.heating.heat_source import HeaterLimits, Sample, Supplied
 from smadrive.devices.profile.readings import RegisterReading, problem_of
-from smadrive.errors import ProtocolError, SafetyError
+from smadrive.errors import ExceptionReply, ProtocolError, SafetyError
 
 STALE_S = 0.5
 """The board converts at least every 0.1 s. If its sample counter stands still for this time in s, the sensor failed."""
 
 SEQUENCES = range(0x0100, 0x10000)
 """The sequence numbers. The registers next to the echo hold only smaller numbers."""
+
+ILLEGAL_VALUE = 3
+"""Modbus exception code of a value that the device does not accept."""
 
 _MEASURED = (
     "sequence_echo",
@@ -70,10 +73,9 @@ class HeaterBoard(DeviceSource[Device]):
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
         """Prove the identity again, then set watchdog and limits of the board, confirmed by read-back."""
         self.device.check_identity()
-        profile = self.device.profile
-        self.device.write(profile.role("watchdog_s"), watchdog_s)
-        self.device.write(profile.role("temperature_max"), limits.temperature_max_c)
-        self.device.write(profile.role("current_max"), limits.current_max_a)
+        self._write_limit("watchdog_s", watchdog_s, "watchdog_s")
+        self._write_limit("temperature_max", limits.temperature_max_c, "temperature_max_c")
+        self._write_limit("current_max", limits.current_max_a, "current_max_a")
 
     def arm(self) -> None:
         """Arm the board by a write to its `arm` register; SafetyError when it does not arm."""
@@ -141,6 +143,15 @@ class HeaterBoard(DeviceSource[Device]):
             return ", ".join(named) or invalid
         stale_s = now_s - self._counter_since_s
         return f"no new conversion for {stale_s:.2f} s" if stale_s > STALE_S else None
+
+    def _write_limit(self, role: str, value: float, key: str) -> None:
+        """Write a limit that the rig file names `key`. ExceptionReply with a cure when the board allows less."""
+        try:
+            self.device.write(self.device.profile.role(role), value)
+        except ExceptionReply as rejection:
+            if rejection.code == ILLEGAL_VALUE:
+                rejection.cure = f"lower limits.{key} in the rig file: the device itself allows less"
+            raise
 
     def _write_key(self, role: str) -> None:
         """Write the only value in the enum of this role's register, which is the only value that it accepts."""

@@ -21,7 +21,7 @@ from typing import Self
 from weakref import WeakSet
 
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, peer_of, places
-from smadrive.errors import BusyError, StoppedError, free_the_line
+from smadrive.errors import STOPPED, BusyError, StoppedError, free_the_line
 
 BACKLOG = 16
 MOST_ASKERS = 64
@@ -100,7 +100,7 @@ class StopListener:
             one.close()
 
     def _stopped(self) -> StoppedError:
-        return StoppedError(f"{self._where}: stopped by `smadrive off`")
+        return StoppedError(f"{self._where}: {STOPPED}")
 
     def _close(self) -> None:
         with self._mutex:

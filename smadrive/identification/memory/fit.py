@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from smadrive.errors import IdentificationError
+from smadrive.errors import IdentificationError, SmadriveError
 from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import fit_duhem
 from smadrive.identification.memory.candidates import FitRules, Model, plane_alone, rules_and_plane
@@ -74,9 +74,8 @@ def identify_memory(
     the unit of v; without `dead_band` the radius follows from the noise of v. Raises the errors of identify_tsfuzzy,
     and IdentificationError for another value of `memory`.
     """
-    if memory is not None and memory != 1:
-        where, unit = "memory", "sets of the last turning point"
-        whole_number(memory, where, unit, FEWEST_TURNING_POINT_SETS, MOST_TURNING_POINT_SETS, IdentificationError)
+    if memory is not None:
+        check_memory(memory, IdentificationError)
     record = prepare(v, y, dead_band)
 
     def fit_these(one: Record) -> tuple[TSFuzzyDuhem, float]:
@@ -91,6 +90,18 @@ def identify_memory(
     fit = judge(model, record, y0)
     figures = {field.name: getattr(fit, field.name) for field in fields(fit)}
     return MemoryFit(**figures | {"caveats": (*fit.caveats, *choice.doubts)}, memory=choice)
+
+
+def check_memory(memory: object, error: type[SmadriveError], where: str = "memory") -> None:
+    """Raise `error` if `memory` is not a possible number of sets of the last turning point. 1 is no memory."""
+    if memory == 1 and not isinstance(memory, bool):
+        return
+    unit = "sets of the last turning point"
+    try:
+        whole_number(memory, where, unit, FEWEST_TURNING_POINT_SETS, MOST_TURNING_POINT_SETS, error)
+    except error as wrong:
+        wrong.limit = f"1 for no memory, or {wrong.limit}"
+        raise
 
 
 def _chosen(record: Record, fit_these: FitRules) -> tuple[Model, float, MemoryChoice]:

@@ -44,6 +44,8 @@ class SwitchedOff:
     stopped      drivers that were stopped first
     refused      the first error of a driver that could not be stopped, so that it may heat again
     devices      devices that confirmed their safe state; all devices that heat are among them
+    simulated    those of `devices` that this process simulates (sim://): other processes have simulated devices of
+                 their own, which were not stopped
     latched      faults that stay latched
     warnings     failures after the heat sources were confirmed off, and errors of the rig file outside its devices
     displaced    guardians that wait at a port of this rig for another device, which may still heat elsewhere
@@ -54,6 +56,7 @@ class SwitchedOff:
     stopped: tuple[StoppedDriver, ...]
     refused: Exception | None
     devices: tuple[str, ...]
+    simulated: tuple[str, ...]
     latched: tuple[str, ...]
     warnings: tuple[str, ...]
     displaced: tuple[str, ...]
@@ -108,8 +111,9 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
                 _clear(one)
     latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
     names = (*(one.name for one in off), *others)
+    simulated = tuple(device.name for device in devices if device.is_simulated and device.name in names)
     failure = config.device_mistake or unreadable or other_failure
-    return SwitchedOff(config.name, tuple(stopped), refused, names, latched, warnings, displaced, failure)
+    return SwitchedOff(config.name, tuple(stopped), refused, names, simulated, latched, warnings, displaced, failure)
 
 
 @contextmanager

@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 ValueT = TypeVar("ValueT")
 
 ENDED_BY = "ended by "
+INTERRUPTION, STOP = "interruption", "`smadrive off`"
+"""The beginnings of the causes of an end that the user wanted: a signal, or an emergency stop."""
 """The first words of the event that gives the reason for the early end of a run."""
 
 RESTORE = "restore the log from a copy, or record it again"
@@ -74,6 +76,11 @@ class Log:
         """The cause of the run's early end. Empty for a complete run, and for a log without `end_time`."""
         causes = [event.message for event in self.events if event.message.startswith(ENDED_BY)]
         return causes[-1].removeprefix(ENDED_BY) if causes else ""
+
+    @property
+    def is_ended_by_user(self) -> bool:
+        """True if a signal or `smadrive off` has ended the run."""
+        return self.ended_by.startswith((INTERRUPTION, STOP))
 
     @property
     def caveats(self) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from smadrive.errors import DataError
 from smadrive.runs.log.layout import MOST_OPEN_ROWS
-from smadrive.runs.log.reader import ENDED_BY, RunEvent
+from smadrive.runs.log.reader import ENDED_BY, INTERRUPTION, RunEvent
 from smadrive.runs.log.writer import GROWTH_ROWS, LogFile
 
 BUFFER_S = 1.0
@@ -90,10 +90,16 @@ class Recorder:
     def _end(self, error: BaseException | None) -> None:
         try:
             if error is not None:
-                for message in (ENDED_BY + _cause(error), *getattr(error, "__notes__", ())):
+                for message in (ENDED_BY + self._cause(error), *getattr(error, "__notes__", ())):
                     self.event(message)
         finally:
             self.close()
+
+    def _cause(self, error: BaseException) -> str:
+        """Return the cause of an early end as text."""
+        if isinstance(error, KeyboardInterrupt | SystemExit):
+            return f"{INTERRUPTION}: Ctrl-C, SIGTERM or a closed terminal"
+        return f"{type(error).__name__}: {error}"
 
     def close(self) -> None:
         """Write the buffer, cut the log to its rows and close it."""
@@ -101,9 +107,3 @@ class Recorder:
             self.flush()
         finally:
             self._file.finish()
-
-
-def _cause(error: BaseException) -> str:
-    if isinstance(error, KeyboardInterrupt | SystemExit):
-        return "interruption: Ctrl-C, SIGTERM or a closed terminal"
-    return f"{type(error).__name__}: {error}"

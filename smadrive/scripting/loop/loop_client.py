@@ -21,7 +21,7 @@ from multiprocessing import Pipe
 from typing import Any
 from weakref import WeakSet
 
-from smadrive.errors import BusyError, LoopProcessError
+from smadrive.errors import STOPPED, BusyError, LoopProcessError, StoppedError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
 from smadrive.safety.shutdown import shutdown_of
@@ -66,7 +66,7 @@ class RemoteTracebackError(Exception):
 class LoopClient:
     """Starts a loop process. `call` sends a request to this process, and `end` ends it.
 
-    `is_death_raised` is True after `call` has raised the error that the process died.
+    `is_end_raised` is True after `call` has raised the error that the process died or was stopped.
     """
 
     def __init__(self) -> None:
@@ -78,7 +78,8 @@ class LoopClient:
         self._arrived = threading.Event()
         self._one_call = threading.Lock()
         self._is_lost = False
-        self.is_death_raised = False
+        self._stop: StoppedError | None = None
+        self.is_end_raised = False
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", MODULE, str(theirs.fileno())],
             stdin=subprocess.DEVNULL,
@@ -100,12 +101,20 @@ class LoopClient:
         """True if the loop process has ended."""
         return self._is_lost
 
+    @property
+    def ending(self) -> str:
+        """The end of the loop process as text, and its cure; empty while the process runs."""
+        if not self._is_lost:
+            return ""
+        return f"{'loop process ended' if self._stop is None else STOPPED}, open the rig again"
+
     def call(self, request: Any, show: Show = show_nothing) -> Any:
         """Send a request. Return its result or raise its error. `show` gets the progress of a run.
 
         KeyboardInterrupt is raised after an interruption, when the process has confirmed that the heater is off.
         Its message says so.
-        LoopProcessError if the process has died. ControllerError if a controller cannot be pickled.
+        StoppedError if `smadrive off` has stopped the process, now or since the last call. LoopProcessError if the
+        process has died. ControllerError if a controller cannot be pickled.
         """
         with self._one_call, CountedInterrupts() as interrupts:
             message = pickled(request)
@@ -116,6 +125,7 @@ class LoopClient:
         if interrupts.count and not isinstance(reply, Failure):
             raise KeyboardInterrupt(ENDED_BEFORE)
         if isinstance(reply, Failure):
+            self.is_end_raised = isinstance(reply.error, StoppedError)
             raise _explained(reply.error) from (RemoteTracebackError(reply.traceback) if reply.traceback else None)
         return reply.value
 
@@ -154,12 +164,15 @@ class LoopClient:
             if self._progress is not None:
                 show(self._progress)
 
-    def _death(self) -> LoopProcessError:
-        self.is_death_raised = True
+    def _death(self) -> BaseException:
+        """Return the error that tells why the process has ended."""
+        self.is_end_raised = True
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(ENDS_WITHIN_S)
+        if self._stop is not None:
+            return _explained(self._stop)
         if self._process.returncode == 0:
-            what, cure = "it has ended, because `smadrive off`, a signal or an error stopped it", "open the rig again"
+            what, cure = "it has ended, because a signal or an error stopped it", "open the rig again"
             return LoopProcessError(what, where="process of the loop", cure=cure)
         return LoopProcessError(
             "it has died; the watchdog of the device, or the guardian, switches the heater off",
@@ -179,6 +192,8 @@ class LoopClient:
                 if isinstance(message, RunProgress):
                     self._progress = message
                 else:
+                    if isinstance(message, Failure) and isinstance(message.error, StoppedError):
+                        self._stop = message.error
                     self._replies[number] = message
                     self._arrived.set()
         except (EOFError, OSError):
@@ -191,12 +206,15 @@ class LoopClient:
 def _explained(error: BaseException) -> BaseException:
     """Return the error to raise in the script.
 
-    The message of a KeyboardInterrupt tells that the heater is off. The message of a BusyError tells that this script
-    uses the line.
+    The message of a KeyboardInterrupt or of a StoppedError tells that the heater is off. The message of a BusyError
+    tells that this script uses the line.
     """
     outcome = shutdown_of(error)
-    if isinstance(error, KeyboardInterrupt) and outcome is not None and outcome.confirmed:
-        error.args = (str(outcome),)
+    if outcome is not None and outcome.confirmed:
+        if isinstance(error, KeyboardInterrupt):
+            error.args = (str(outcome),)
+        if isinstance(error, StoppedError):
+            error.args = (f"{STOPPED}; {outcome}",)
     if isinstance(error, BusyError) and error.holder_pid in {client.pid for client in _running if not client.is_lost}:
         cure = "use the rig that is open, or close it first: call its close(), or open it in a `with` block"
         return BusyError("busy, because this script has a rig open on this line", where=error.where, cure=cure)

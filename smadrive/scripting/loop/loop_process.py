@@ -11,15 +11,15 @@ from contextlib import nullcontext
 from traceback import walk_tb
 from typing import Any
 
-import cloudpickle
-
 from smadrive.clock import MonotonicClock, VirtualClock
 from smadrive.control.loop import LoopMetrics
-from smadrive.errors import ControllerError, StoppedError
+from smadrive.errors import ControllerError, StoppedError, TripError
 from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.rig import Rig
+from smadrive.rig.supervision import stale_after_s
 from smadrive.runs.experiments import drive, excite, heat, plan_excitation, track
 from smadrive.runs.tracking_plan import plan_tracking
+from smadrive.scripting.loop.code_origin import dumps
 from smadrive.scripting.loop.messages import (
     AnyScriptRequest,
     ClearFaultsRequest,
@@ -35,7 +35,7 @@ from smadrive.scripting.loop.messages import (
     SwitchOffRequest,
     TrackRequest,
 )
-from smadrive.scripting.loop.own_controller import OwnController
+from smadrive.scripting.loop.own_controller import OwnController, Pace
 from smadrive.scripting.loop.script_link import ScriptLink
 
 
@@ -100,9 +100,8 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
             with link.at_once():  # the simulation of a long reference takes minutes
                 plan = plan_tracking(rig, reference, wire, smooth=smooth, smooth_option="smooth=True", cycling=cycling)
             return _counts(track(log_file, rig, plan, link.watch))
-        case DriveRequest(log_file=log_file, controller=controller, duration_s=duration_s, wire=wire):
-            own = OwnController(controller, duration_s, rig.config.limits.current_max_a, link.at_once)
-            return _counts(drive(log_file, rig, own, own.name, wire, link.watch), own.controller)
+        case DriveRequest():
+            return _driven(request, rig, link)
         case CoolDownRequest(duration_s=duration_s):
             with nullcontext() if _is_virtual(rig) else link.at_once():
                 return rig.cool_down(duration_s)
@@ -112,14 +111,29 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
             return rig.clear_faults()
 
 
-def _counts(loop: LoopMetrics, controller: Any = None) -> DrivenRun:
-    return DrivenRun(loop.ticks, loop.missed_deadlines, controller if _is_transferable(controller) else None)
+def _counts(loop: LoopMetrics) -> DrivenRun:
+    return DrivenRun(loop.ticks, loop.missed_deadlines)
+
+
+def _driven(request: DriveRequest, rig: Rig, link: ScriptLink) -> DrivenRun:
+    """Run the user's controller. If its `update` was slow, a trip gets a note, and a complete run gets a doubt."""
+    config = rig.config
+    pace = Pace(rig.period_s, stale_after_s(config), _is_virtual(rig))
+    own = OwnController(request.controller, request.duration_s, config.limits.current_max_a, link.at_once, pace)
+    try:
+        loop = drive(request.log_file, rig, own, own.name, request.wire, link.watch)
+    except TripError as trip:
+        for doubt in own.doubts:
+            trip.add_note(doubt)
+        raise
+    counts = _counts(loop)
+    return counts._replace(controller=own.controller if _is_transferable(own.controller) else None, doubts=own.doubts)
 
 
 def _is_transferable(controller: Any) -> bool:
     """Return True if the controller can be pickled, which is impossible if, for example, it holds an open file."""
     try:
-        cloudpickle.dumps(controller)
+        dumps(controller)
     except Exception:  # noqa: BLE001 (pickling runs code of the user)
         return False
     return True

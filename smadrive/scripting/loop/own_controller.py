@@ -1,11 +1,16 @@
-"""A controller of the user in the loop: its duration and its commands are checked before they are used."""
+"""A controller of the user in the loop: its duration, its commands and the time of `update` are checked.
+
+The loop waits for `update`. On a device in real time, a slow `update` looks like a lost connection: no measurement
+arrives, and the supervisor advises to check the cable. So the time of `update` is measured, and named as the cause.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from math import isfinite
-from typing import Any
+from math import inf, isfinite
+from typing import Any, NamedTuple
 
 from smadrive.control.controllers.temperature import Command
 from smadrive.errors import ConfigError, ControllerError
@@ -19,7 +24,23 @@ FAR_BEYOND = 20.0
 Smaller currents beyond the limit are clamped, as every controller with a large gain needs it.
 """
 
+FASTER = "make update faster than the period, or lower rate_hz in the rig file"
+
 RETURN_A_COMMAND = "return smadrive.Command(commanded_a=…) from update"
+
+
+class Pace(NamedTuple):
+    """The times that a rig allows: the period of its loop, and the longest time without a measurement, both in s.
+
+    `is_virtual` is True for a rig in virtual time, which waits for `update` however long it takes.
+    """
+
+    period_s: float = inf
+    longest_s: float = inf
+    is_virtual: bool = False
+
+
+UNTIMED = Pace()
 
 
 class OwnController:
@@ -27,8 +48,9 @@ class OwnController:
 
     The run lasts `duration_s`, or as long as the attribute `duration_s` of the controller says. ControllerError when
     `update` returns something other than a command, or a current that is not a finite number or is above `FAR_BEYOND`
-    times `current_max_a`. Errors that `update` raises pass unchanged. `update` runs inside `at_once`, so an
-    interruption may end it at any place.
+    times `current_max_a`, and when `update` takes longer than `pace` allows. Errors that `update` raises pass
+    unchanged. `update` runs inside `at_once`, so an interruption may end it at any place. `now_s` returns the real
+    time. `slowest_s` is the longest time that `update` has taken.
     """
 
     def __init__(
@@ -37,8 +59,13 @@ class OwnController:
         duration_s: float | None,
         current_max_a: float,
         at_once: Callable[[], AbstractContextManager[None]] = nullcontext,
+        pace: Pace = UNTIMED,
+        now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self.controller = controller
+        self.slowest_s = 0.0
+        self._pace = pace
+        self._now_s = now_s
         self._at_once = at_once
         self._duration_s = duration_s
         self._current_max_a = current_max_a
@@ -55,6 +82,7 @@ class OwnController:
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Return the checked command of the controller."""
+        begun_s = self._now_s()
         try:
             with self._at_once():
                 command = self.controller.update(time_s, measurement, dt_s)
@@ -62,12 +90,33 @@ class OwnController:
             raise
         except SystemExit:
             raise ControllerError("update called exit", where=self.name, cure="raise an error instead") from None
+        self._check_time(self._now_s() - begun_s)
         if not isinstance(command, Command):
             what = "update returned something else than a command"
             raise ControllerError(what, where=self.name, value=_shown(command), cure=RETURN_A_COMMAND)
         numbers = Command(*(self._number(name, value) for name, value in command._asdict().items()))
         self._check_current(numbers.commanded_a)
         return numbers
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What a slow `update` explains, or would cause on a rig in real time: a sentence, or nothing."""
+        pace = self._pace
+        if self.slowest_s <= (pace.longest_s if pace.is_virtual else pace.period_s):
+            return ()
+        took = f"update of {self.name} took up to {self.slowest_s:.2g} s, and the period is {pace.period_s:g} s"
+        return (f"{took}: on a rig in real time the run would trip" if pace.is_virtual else f"{took}: {FASTER}",)
+
+    def _check_time(self, took_s: float) -> None:
+        self.slowest_s = max(self.slowest_s, took_s)
+        if took_s > self._pace.longest_s and not self._pace.is_virtual:
+            raise ControllerError(
+                "update took too long",
+                where=self.name,
+                value=f"{took_s:.2g} s",
+                limit=f"{self._pace.longest_s:g} s without a measurement; the period is {self._pace.period_s:g} s",
+                cure=FASTER,
+            )
 
     def _check_current(self, current_a: float) -> None:
         if not isfinite(current_a):

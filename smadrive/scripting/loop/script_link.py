@@ -23,13 +23,12 @@ from multiprocessing.connection import Connection
 from types import FrameType
 from typing import Any
 
-import cloudpickle
-
 from smadrive.control.loop import Tick, never
 from smadrive.errors import ControllerError, SmadriveError, StoppedError
 from smadrive.rig.rig import Record
 from smadrive.runs.run_log import TickRecorder
-from smadrive.safety.shutdown import carry, shutdown_of
+from smadrive.safety.shutdown import carry, keep_outcome, shutdown_of
+from smadrive.scripting.loop.code_origin import dumps
 from smadrive.scripting.loop.messages import (
     END,
     INTERRUPT,
@@ -119,7 +118,7 @@ class ScriptLink:
 
     def reply(self, value: Any) -> None:
         """Send the result of the request."""
-        self._send(cloudpickle.dumps((self._number, Result(value))))
+        self._send(dumps((self._number, Result(value))))
 
     def fail(self, error: BaseException, *, is_own_code: bool) -> None:
         """Send the error that ended the request, with its traceback if code of the user may have raised it."""
@@ -127,6 +126,7 @@ class ScriptLink:
             isinstance(error, SmadriveError) and not is_own_code
         )
         text = "" if is_plain else "".join(traceback.format_exception(error))
+        keep_outcome(error)
         self._send(_dumped(self._number, error, text))
 
     def _report(self, progress: RunProgress) -> None:
@@ -175,7 +175,7 @@ class ScriptLink:
 def _dumped(number: int, error: BaseException, text: str) -> bytes:
     """Return the pickled failure; an error that cannot be transferred becomes a ControllerError with its text."""
     try:
-        message: bytes = cloudpickle.dumps((number, Failure(error, text)))
+        message = dumps((number, Failure(error, text)))
         pickle.loads(message)  # noqa: S301 (some errors can be pickled, but not restored)
     except Exception:  # noqa: BLE001 (pickling runs code of the user)
         substitute = ControllerError(f"{type(error).__qualname__}: {error}", where="own code")

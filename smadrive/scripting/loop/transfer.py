@@ -18,6 +18,7 @@ from typing import Any
 import cloudpickle
 
 from smadrive.errors import ControllerError
+from smadrive.scripting.loop.code_origin import dumps
 
 _OURS = ("smadrive", "firmware_sim")
 _INSTALLED = tuple({str(Path(path).resolve()) for path in (*sysconfig.get_paths().values(), sys.base_prefix)})
@@ -27,7 +28,7 @@ def pickled(request: Any) -> bytes:
     """Return the pickled request with the user's code. ControllerError when it cannot be pickled."""
     try:
         with _own_code_by_value():
-            message: bytes = cloudpickle.dumps(request)
+            message = dumps(request)
     except Exception:  # noqa: BLE001 (the user's module may hold an object that cannot be copied: send its name)
         return _pickled_by_name(request)
     return message
@@ -35,7 +36,7 @@ def pickled(request: Any) -> bytes:
 
 def _pickled_by_name(request: Any) -> bytes:
     try:
-        message: bytes = cloudpickle.dumps(request)
+        message = dumps(request)
     except Exception as error:
         cure = "open files, ports and threads inside update, not before"
         raise ControllerError("cannot be transferred", where="controller", value=str(error), cure=cure) from error

@@ -33,6 +33,25 @@ def test_offset_is_found_from_raw_readings_and_shown_by_probe(smadrive):
     assert probed["calibration"]["displacement"] is None
 
 
+def test_mistyped_known_value_is_doubted_and_no_advice_raises_a_current(smadrive):
+    done = json.loads(smadrive("calibrate", "rig.toml", "temperature", "--point", "2.2", "--json").stdout)
+    assert done["offset_c"] == pytest.approx(-19.8, abs=0.1)
+    assert "ambient_c = 22 °C" in done["caveats"][-1]
+    (caveat,) = json.loads(smadrive("probe", "rig.toml", "--json").stdout)["caveats"]
+    assert "ambient_c = 22 °C" in caveat
+    heated = smadrive("heat", "rig.toml", "--current", "0.1", "--for", "1", "-o", "warm.h5")
+    assert f"warning: {caveat[:20]}" in heated.stdout
+    excited = smadrive("excite", "rig.toml", "-o", "excitation.h5")
+    assert (excited.returncode, "current" in excited.stderr) == (2, False)
+    assert "calibrate the thermocouple again" in excited.stderr.lower()
+
+
+def test_calibration_near_ambient_is_not_doubted(smadrive):
+    done = json.loads(smadrive("calibrate", "rig.toml", "temperature", "--point", "25", "--json").stdout)
+    assert not any("ambient_c" in text for text in done["caveats"])
+    assert json.loads(smadrive("probe", "rig.toml", "--json").stdout)["caveats"] == []
+
+
 @pytest.mark.parametrize(
     ("arguments", "keys"),
     [

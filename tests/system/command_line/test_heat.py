@@ -81,6 +81,16 @@ def test_temperature_that_is_not_reached_is_a_caveat(tmp_path):
     assert "its setpoint was 100 °C" in caveat
 
 
+def test_other_resistance_than_that_of_the_data_sheet_is_a_caveat(tmp_path):
+    wire = (CONFIGS / "wires" / "flexinol-lt-0.15mm.toml").read_text()
+    (tmp_path / "wire.toml").write_text(wire.replace("resistance_ohm_per_m = 55.0", "resistance_ohm_per_m = 25.0"))
+    with Rig(CLOSED.config.model_copy(update={"wire": str(tmp_path / "wire.toml")})) as rig:
+        step = ManualStep(0.1, None, 2.0)
+        heat(tmp_path / "warm.h5", rig, step, lambda recorder, _duration_s: nullcontext(recorder.tick))
+    (caveat,) = step_caveats(read_log(tmp_path / "warm.h5"))
+    assert "resistance_ohm_per_m" in caveat
+
+
 def test_interruption_ends_at_zero_current(tmp_path):
     def interrupting(recorder):
         def record(tick):
@@ -136,6 +146,14 @@ def test_limits_are_checked_before_the_port(tmp_path):
     assert "0.6 A" in done.stderr
     shutil.copy(CONFIGS / "rigs" / "in-process.toml", tmp_path / "rig.toml")
     assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
+
+
+def test_smallest_current_limit_is_no_fault_of_the_device(tmp_path):
+    limits = CLOSED.config.limits.model_copy(update={"current_max_a": 0.03})
+    with Rig(CLOSED.config.model_copy(update={"limits": limits})) as rig:
+        step = ManualStep(0.03, None, 20.0)
+        heat(tmp_path / "small.h5", rig, step, lambda recorder, _duration_s: nullcontext(recorder.tick))
+    assert read_log(tmp_path / "small.h5").ended_by == ""
 
 
 def test_step_that_needs_more_than_the_largest_current_is_doubted():

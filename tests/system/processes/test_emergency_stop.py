@@ -11,8 +11,11 @@ import pytest
 from served import PATIENT, served
 from supply_rig import DRIVER, RIG, patient
 
+from smadrive.errors import STOPPED
 from smadrive.files.shipped import configs_dir
 from smadrive.hysteresis import DuhemModel, save_model
+from smadrive.runs.log.reader import STOP, read_log
+from smadrive.safety.shutdown import CONFIRMED
 
 HEATS = """
 import sys, threading, time
@@ -56,7 +59,22 @@ try:
         print("open", flush=True)
         rig.drive(Warm(), smadrive.load_wire("wire.json"))
 except BaseException as error:
-    print(type(error).__name__, flush=True)
+    print(type(error).__name__, error, *getattr(error, "__notes__", ()), sep="\\n", flush=True)
+"""
+IDLE_SCRIPT = """
+import sys
+import smadrive
+rig = smadrive.open_rig(sys.argv[1])
+print("open", flush=True)
+sys.stdin.readline()
+while not rig._client.is_lost:
+    pass
+print(rig)
+for request in (rig.measure, rig.close):
+    try:
+        request()
+    except BaseException as error:
+        print(type(error).__name__, error, flush=True)
 """
 SWITCHED_ON = {"board": "armed", "supply": "output on"}
 SWITCHED_OFF = {"board": ("disarmed", "heater off"), "supply": ("output off",)}
@@ -199,6 +217,8 @@ def test_command_that_is_stopped_ends_with_the_code_of_safety_and_latches_no_tri
     assert driver.returncode == 4, said
     assert "stopped by `smadrive off`" in said
     assert "confirmed by read-back" in said
+    (log,) = heated.rig.parent.glob("*.h5")
+    assert read_log(log).ended_by == STOP
     assert (done["stopped_drivers"], done["faults"]) == ([{"pid": driver.pid, "killed": False}], [])
 
 
@@ -221,8 +241,26 @@ def test_script_on_an_open_rig_is_stopped(heated):
         assert heated.is_switched_on()
         done = heated.off()
         printed, said = script.communicate()
-    assert printed == "StoppedError\n", said
+    kind, text, *notes = printed.splitlines()
+    assert kind == "StoppedError", said
+    assert CONFIRMED in text
+    assert [note.partition(":")[0] for note in notes] == ["the record of the run up to its end"]
     assert not any(stopped["killed"] for stopped in done["stopped_drivers"])
+    log = read_log(heated.rig.parent / "run.h5")
+    assert (log.ended_by, log.is_ended_by_user) == (STOP, True)
+
+
+@pytest.mark.parametrize("heated", ["board"], indirect=True)
+def test_idle_script_knows_that_it_was_stopped(heated):
+    with heated.start("-c", IDLE_SCRIPT, str(heated.rig), stdin=subprocess.PIPE) as script:
+        assert script.stdout.readline() == "open\n"
+        heated.off()
+        printed, said = script.communicate("\n")
+    assert said == ""
+    shown, *errors = printed.splitlines()
+    assert f"state {STOPPED}" in shown
+    assert [error.partition(" ")[0] for error in errors] == ["StoppedError"]
+    assert CONFIRMED in errors[0]
 
 
 def test_driver_is_stopped_although_its_link_leads_to_another_device(tmp_path):

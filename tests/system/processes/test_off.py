@@ -219,3 +219,12 @@ def test_a_signal_does_not_keep_it_from_switching_off_a_supply_that_answers_agai
     assert is_off(process)
     assert switching.returncode == 3  # because the sensors of the rig are missing
     assert UNCONFIRMED not in told
+
+
+def test_simulated_device_of_another_program_is_named_as_not_stopped():
+    done = off("in-process")
+    assert done.returncode == 0
+    assert "confirmed by read-back (board, simulated by this command)" in done.stdout
+    assert "warning: each program simulates 'board' (sim://) for itself, so no other program was stopped" in done.stdout
+    done = json.loads(off("in-process", "--json").stdout)
+    assert (done["simulated"], done["stopped_drivers"], len(done["warnings"])) == (["board"], [], 1)

@@ -51,6 +51,7 @@ def wire_with(tmp_path):
         ({"temperature_max_c": 408.0}, {}, "temperature_max_c", "408 °C", "160 °C"),
         ({"temperature_max_c": 161.0}, {}, "temperature_max_c", "161 °C", "160 °C"),
         ({"current_max_a": 400.0}, {}, "current_max_a", "400 A", None),
+        ({"current_max_a": 0.0002}, {}, "current_max_a", "0.0002 A", "at least 0.029 A"),
         ({"voltage_max_v": 0.5}, {}, "voltage_max_v", "0.5 V", None),
         ({"voltage_max_v": 60.0}, {}, "voltage_max_v", "60 V", None),
         ({"voltage_max_v": 9000.0}, {}, "voltage_max_v", "9000 V", None),
@@ -80,6 +81,7 @@ def test_excitation_that_does_not_fit_into_its_time_is_an_error_before_a_port_is
         (KELVIN, "378 K is 105 °C"),
         ({"temperature_max_c": 408.0}, "408 K is 135 °C"),
         ({"current_max_a": 400.0}, "in amperes"),
+        ({"current_max_a": 0.0002}, "in amperes"),
         ({"voltage_max_v": 0.5}, "about 8.2"),
         ({"voltage_max_v": 60.0}, "about 8.2"),
         ({"voltage_max_v": 9000.0}, "in volts"),
@@ -102,6 +104,7 @@ def test_cure_suggests_kelvin_only_where_the_value_fits():
         {"current_max_a": 0.1, "temperature_max_c": 121.0},
         {"current_max_a": 0.1, "voltage_max_v": 15.0},
         {"current_max_a": 0.6},
+        {"current_max_a": 0.03, "voltage_max_v": 1.0},
     ],
 )
 def test_careful_and_generous_limits_are_accepted(limits):

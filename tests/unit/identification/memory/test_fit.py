@@ -71,8 +71,9 @@ def test_too_few_loops_are_told(rng):
 @pytest.mark.parametrize("memory", [0, 2, 3, 41, 2.5])
 def test_an_impossible_number_of_sets_is_refused(rng, memory):
     v = nested_loops(rng, samples=600)
-    with pytest.raises(IdentificationError):
+    with pytest.raises(IdentificationError) as error:
         identify_memory(v, DUHEM.simulate(v), memory=memory)
+    assert error.value.limit == "1 for no memory, or 4 to 40"
 
 
 @pytest.mark.exhaustive

@@ -9,7 +9,7 @@ import pytest
 from smadrive.control.controllers.temperature import Command
 from smadrive.errors import ConfigError, ControllerError
 from smadrive.measurement import Measurement
-from smadrive.scripting.loop.own_controller import OwnController, check_controller
+from smadrive.scripting.loop.own_controller import OwnController, Pace, check_controller
 
 LIMIT_A = 0.6
 SAMPLE = Measurement(0.0, 25.0, 0.0, 0.0)
@@ -123,3 +123,31 @@ def test_duration_follows_the_controller_unless_it_is_given():
     own, fixed = OwnController(timed, None, LIMIT_A), OwnController(timed, 7.0, LIMIT_A)
     timed.duration_s = 6.0
     assert (own.duration_s, fixed.duration_s) == (6.0, 7.0)
+
+
+def updated(times_s, pace):
+    """Return a controller whose updates begin and end at `times_s`, after these updates."""
+    clock = iter(times_s)
+    own = OwnController(Returns(Command(0.1)), 5.0, LIMIT_A, pace=pace, now_s=lambda: next(clock))
+    for _ in range(len(times_s) // 2):
+        own.update(0.0, SAMPLE, 0.05)
+    return own
+
+
+def test_update_that_takes_longer_than_the_rig_waits_is_an_error_that_names_the_period():
+    with pytest.raises(ControllerError) as caught:
+        updated([0.0, 0.4], Pace(0.05, 0.3))
+    assert (caught.value.where, caught.value.value) == ("Returns", "0.4 s")
+    assert caught.value.limit.startswith("0.3 s")
+    assert caught.value.limit.endswith("the period is 0.05 s")
+    assert "rate_hz" in caught.value.cure
+
+
+@pytest.mark.parametrize(
+    ("took_s", "is_virtual", "doubts"), [(0.2, False, 1), (0.04, False, 0), (0.4, True, 1), (0.2, True, 0)]
+)
+def test_slow_update_is_a_doubt_about_the_run(took_s, is_virtual, doubts):
+    own = updated([0.0, took_s, 1.0, 1.0], Pace(0.05, 0.3, is_virtual))
+    assert own.slowest_s == took_s
+    assert len(own.doubts) == doubts
+    assert all(f"{took_s:g} s" in doubt and "0.05 s" in doubt for doubt in own.doubts)

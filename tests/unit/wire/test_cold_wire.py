@@ -1,0 +1,23 @@
+"""The reading of an unheated wire is compared with the ambient temperature of the wire file."""
+
+from math import nan
+
+import pytest
+
+from smadrive.wire.cold_wire import COLD_WIRE_K, calibration_caveats, cold_wire_caveats, is_too_cold
+
+AMBIENT_C = 22.0
+
+
+@pytest.mark.parametrize(("difference_k", "is_doubted"), [(-19.8, True), (-9.9, False), (9.9, False), (10.1, True)])
+def test_reading_far_from_ambient_is_a_caveat(difference_k, is_doubted):
+    temperature_c = AMBIENT_C + difference_k
+    for caveats in (cold_wire_caveats(temperature_c, AMBIENT_C), calibration_caveats(temperature_c, AMBIENT_C)):
+        assert len(caveats) == is_doubted
+        assert all(f"{temperature_c:.1f} °C" in text and f"{COLD_WIRE_K:g} K" in text for text in caveats)
+    assert is_too_cold(temperature_c, AMBIENT_C) is (difference_k < -COLD_WIRE_K)
+
+
+def test_invalid_reading_is_no_caveat():
+    assert cold_wire_caveats(nan, AMBIENT_C) == ()
+    assert not is_too_cold(nan, AMBIENT_C)
