@@ -111,15 +111,17 @@ class SharedReader(SharedMemory):
 
         The array does not hold the rows that newer rows have overwritten.
         """
-        written = self.written
-        return written, self.rows(number, written)[1]
+        numbers, rows = self.rows(number, CAPACITY)
+        return (int(numbers[-1]) + 1 if numbers.size else number), rows
 
-    def rows(self, first: int, end: int) -> tuple[NDArray[np.int64], Rows]:
-        """Return the numbers of the rows from `first` to `end` - 1, and their values as an array (rows, columns).
+    def rows(self, first: int, most: int) -> tuple[NDArray[np.int64], Rows]:
+        """Return the numbers of the oldest rows since row `first`, and their values as an array (rows, columns).
 
-        `end` is at most `written`. Rows that newer rows have overwritten are left out.
+        These are at most `most` rows. Rows that newer rows have overwritten are left out.
         """
-        numbers = np.arange(max(first, self.written - CAPACITY + 1), end)
+        written = self.written
+        oldest = max(first, written - CAPACITY + 1)
+        numbers = np.arange(oldest, min(written, oldest + most))
         places, written_numbers = numbers % CAPACITY, self._block["row_number"][0]
         is_whole = written_numbers[places] == numbers
         rows = self._block["rows"][0][places]
