@@ -73,7 +73,7 @@ def cycling_of_argument(reference: Reference, repeat: int | None) -> Cycling | N
     return Cycling(cycles)
 
 
-def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run"]) -> Path:
+def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run", "servo"]) -> Path:
     """Return the path of a new log. Without `log` this is KIND.h5 or, if it exists, KIND-2.h5 and so on."""
     if log is None:
         return unused_record(kind, LOG)
