@@ -20,6 +20,7 @@ from smadrive.errors import ConfigError, MotionError
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
 from smadrive.runs.log.reader import read_log
+from smadrive.scripting.arguments import check_displacement_within, travel_limits_mm
 from smadrive.scripting.loop.loop_client import LoopClient
 from smadrive.scripting.loop.messages import DrivenRun, ServoRequest
 from smadrive.scripting.loop.servo_messages import (
@@ -33,10 +34,12 @@ from smadrive.scripting.loop.servo_messages import (
 from smadrive.scripting.motion import Motion
 from smadrive.scripting.run import Run
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.wire_model import travel_mm
 
 MOVE_S = 10.0
 """Duration of a move through the whole travel, at the default speed."""
+
+TOLERANCE = 0.01
+"""The default tolerance of a move, as a share of the travel."""
 
 STOPS_WITHIN_S = 30.0
 """The loop process is killed if it has not ended the run after this time. All tries to switch off need less time."""
@@ -50,14 +53,15 @@ class Servo:
             print(servo.measurement)
 
     The run is supervised and recorded in a log like every run. After a trip, all motions fail with its error. `takers`
-    are called with each tick, in another thread. `dropped` is the number of ticks that this process missed.
+    are called with each tick, in another thread. `dropped` is the number of ticks that this process missed. `limits`
+    are the smallest and the greatest displacement that the wire can reach, in mm.
     """
 
     def __init__(self, client: LoopClient, wire: IdentifiedWire, log_file: Path) -> None:
         self.log_file = log_file
         self.takers: list[Callable[[Tick], None]] = []
         self.dropped = 0
-        self._travel_mm = travel_mm(wire.model)
+        self.limits = travel_limits_mm(wire)
         self._client = client
         self._id = secrets.token_hex(8)
         self._numbers = count(1)
@@ -91,9 +95,9 @@ class Servo:
         return self._thread.is_alive()
 
     @property
-    def limits(self) -> tuple[float, float]:
-        """The smallest and the greatest displacement that the wire can reach, in mm."""
-        return min(self._travel_mm), max(self._travel_mm)
+    def error(self) -> BaseException | None:
+        """The error that has ended the run, or None."""
+        return self._error
 
     @property
     def tick(self) -> Tick | None:
@@ -123,41 +127,29 @@ class Servo:
     ) -> Motion:
         """Move the wire smoothly to a displacement, and hold it there.
 
-        The motion is done when the displacement has stayed within `tolerance_mm` (by default 1 % of the travel) for
-        `settle_s`. It fails `timeout_s` after the end of its path. Without `speed_mm_per_s`, the greatest speed, a move
-        through the whole travel takes `MOVE_S`. ConfigError for a displacement outside the travel, and for numbers that
-        are not possible.
+        The motion is done when the displacement has stayed within `tolerance_mm` for `settle_s`. The default is
+        `TOLERANCE` times the travel. The motion fails `timeout_s` after the end of its path. Without `speed_mm_per_s`,
+        the greatest speed, a move through the whole travel takes `MOVE_S`. ConfigError for a displacement outside the
+        travel, and for numbers that are not possible.
         """
-        travel = self.limits[1] - self.limits[0]
+        speed, tolerance = default_speed_and_tolerance(self.limits)
         numbers = {
-            "speed_mm_per_s": PEAK * travel / MOVE_S if speed_mm_per_s is None else speed_mm_per_s,
-            "tolerance_mm": 0.01 * travel if tolerance_mm is None else tolerance_mm,
+            "speed_mm_per_s": speed if speed_mm_per_s is None else speed_mm_per_s,
+            "tolerance_mm": tolerance if tolerance_mm is None else tolerance_mm,
             "settle_s": settle_s,
             "timeout_s": timeout_s,
         }
         checked = [_positive(value, name, may_be_zero=name == "settle_s") for name, value in numbers.items()]
         setpoint_mm = real_number(displacement_mm, "displacement_mm")
-        self.check_within(setpoint_mm)
+        check_displacement_within(setpoint_mm, self.limits)
         return self._command(f"move to {setpoint_mm:g} mm", lambda number: MoveCommand(number, setpoint_mm, *checked))
-
-    def check_within(self, displacement_mm: float) -> None:
-        """Raise ConfigError for a displacement that the wire cannot reach."""
-        low_mm, high_mm = self.limits
-        if not low_mm <= displacement_mm <= high_mm:
-            raise ConfigError(
-                "outside the travel of the identified wire",
-                where="displacement_mm",
-                value=f"{displacement_mm:.6g} mm",
-                limit=f"{low_mm:.6g} to {high_mm:.6g} mm",
-                cure="choose a displacement within this travel",
-            )
 
     def follow(self, reference: Reference) -> tuple[Motion, Motion]:
         """Move to the beginning of a reference and track it. Return the approach and the whole motion.
 
         ConfigError for a reference that leaves the travel, or has no end.
         """
-        reference.check_within(self._travel_mm)
+        reference.check_within(self.limits)
         if not isfinite(reference.duration_s):
             raise ConfigError("has no end", where="reference", cure="give it a number of cycles")
         begun_number, approach = self._motion("approach to the reference")
@@ -236,6 +228,12 @@ class Servo:
 
 def _ended() -> MotionError:
     return MotionError("the run has ended", where="servo", cure="start the servo again")
+
+
+def default_speed_and_tolerance(limits_mm: tuple[float, float]) -> tuple[float, float]:
+    """Return the default `speed_mm_per_s` and `tolerance_mm` of a move of a wire with this travel."""
+    travel = limits_mm[1] - limits_mm[0]
+    return PEAK * travel / MOVE_S, TOLERANCE * travel
 
 
 def _positive(value: object, name: str, *, may_be_zero: bool) -> float:
