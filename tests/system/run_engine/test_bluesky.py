@@ -82,7 +82,8 @@ def test_flight_yields_an_event_for_each_tick(engine, documents, rig, wire):
     setpoints_mm = [row["wire_setpoint_mm"] for row in rows]
     assert (min(setpoints_mm), max(setpoints_mm)) == pytest.approx((3.0, 7.0), abs=0.01)
     assert documents.of("descriptor")[0]["name"] == "wire_fly"
-    times_s = [event["timestamps"]["wire_displacement_mm"] for event in documents.of("event")]
+    times_s = [time_s for page in documents.of("event_page") for time_s in page["timestamps"]["wire_displacement_mm"]]
+    assert len(times_s) == len(rows)
     np.testing.assert_allclose(np.diff(times_s), 0.05, atol=0.005)
 
 
