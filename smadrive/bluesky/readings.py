@@ -27,7 +27,7 @@ OF_THE_COMMAND = ("setpoint_mm", "estimated_mm")
 """Columns without a value while no servo runs; they are then NaN."""
 
 
-class Sample(NamedTuple):
+class WireSample(NamedTuple):
     """A tick and its time since 1970-01-01 UTC, in s. `is_driven` is False if no servo ran."""
 
     tick: Tick
@@ -72,20 +72,20 @@ class Readings:
             for key, column in self._columns.items()
         }
 
-    def read(self, sample: Sample) -> dict[str, dict[str, Any]]:
+    def read(self, sample: WireSample) -> dict[str, dict[str, Any]]:
         """Return the readings, each with its time and its alarm."""
         alarm = alarm_of(sample.tick)
         time_and_alarm = {"timestamp": sample.unix_s, "alarm_severity": alarm.severity, "message": alarm.text}
         return {key: {"value": value, **time_and_alarm} for key, value in self.values(sample).items()}
 
-    def values(self, sample: Sample) -> dict[str, float]:
+    def values(self, sample: WireSample) -> dict[str, float]:
         """Return the values by the names of the readings."""
         return {
             key: nan if column in OF_THE_COMMAND and not sample.is_driven else float(self._values[column](sample.tick))
             for key, column in self._columns.items()
         }
 
-    def event(self, sample: Sample) -> dict[str, Any]:
+    def event(self, sample: WireSample) -> dict[str, Any]:
         """Return the partial event of a sample."""
         values = self.values(sample)
         return {"time": sample.unix_s, "data": values, "timestamps": dict.fromkeys(values, sample.unix_s)}

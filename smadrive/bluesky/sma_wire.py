@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
 
-from smadrive.bluesky.readings import Readings, Sample
+from smadrive.bluesky.readings import Readings, WireSample
 from smadrive.bluesky.settings import SmaWireSettings
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.loop import Tick
@@ -55,11 +55,11 @@ class SmaWire:
         self._servo: Servo | None = None
         self._is_staged = False
         self._setpoint_mm: float | None = None
-        self._idle: Sample | None = None
+        self._idle: WireSample | None = None
         self._reference: Reference | None = None
         self._pending: list[Motion] = []
         self._flown: Motion | None = None
-        self._events: list[Sample] = []
+        self._events: list[WireSample] = []
 
     @property
     def hints(self) -> dict[str, Any]:
@@ -203,7 +203,7 @@ class SmaWire:
             return
 
         def take(tick: Tick) -> None:
-            events.append(Sample(tick, servo.unix_s(tick)))
+            events.append(WireSample(tick, servo.unix_s(tick)))
 
         servo.takers.append(take)
         flown.add_callback(lambda _motion: servo.takers.remove(take))
@@ -228,16 +228,16 @@ class SmaWire:
             self._servo = self._rig.servo(self._wire)
         return self._servo
 
-    def _sample(self) -> Sample:
+    def _sample(self) -> WireSample:
         """Return the latest tick of the servo, or else the latest measurement at zero current."""
         if self._servo is not None and self._servo.is_running and self._servo.tick is not None:
-            return Sample(self._servo.tick, self._servo.unix_s(self._servo.tick))
+            return WireSample(self._servo.tick, self._servo.unix_s(self._servo.tick))
         if self._idle is None:
             self._idle = self._measured()
         return self._idle
 
-    def _measured(self) -> Sample:
-        return Sample(Tick(0.0, 0.0, self._rig.measure(), Command(0.0)), time.time(), is_driven=False)
+    def _measured(self) -> WireSample:
+        return WireSample(Tick(0.0, 0.0, self._rig.measure(), Command(0.0)), time.time(), is_driven=False)
 
     def __repr__(self) -> str:
         return f"SmaWire({self.name}, {self._rig.config.name})"

@@ -9,7 +9,6 @@ Only the first request interrupts, so later requests cannot disturb the switchin
 
 from __future__ import annotations
 
-import os
 import selectors
 import signal
 import socket
@@ -22,6 +21,7 @@ from weakref import WeakSet
 
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, peer_of, places
 from smadrive.errors import BusyError, StoppedError, free_the_line
+from smadrive.posix import after_fork_in_child
 
 BACKLOG = 16
 MOST_ASKERS = 64
@@ -168,7 +168,7 @@ def _close_inherited() -> None:
         listener.close_inherited()
 
 
-os.register_at_fork(after_in_child=_close_inherited)
+after_fork_in_child(_close_inherited)
 
 
 def _shut(one: socket.socket) -> None:

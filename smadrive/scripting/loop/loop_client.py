@@ -24,6 +24,7 @@ from weakref import WeakSet
 from smadrive.errors import BusyError, LoopProcessError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
+from smadrive.posix import check_posix
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.scripting.loop.counted_interrupts import CountedInterrupts
 from smadrive.scripting.loop.messages import (
@@ -81,6 +82,7 @@ class LoopClient:
     """
 
     def __init__(self) -> None:
+        check_posix()
         self._connection, theirs = Pipe()
         self._script = os.getpid()
         self._number = 0

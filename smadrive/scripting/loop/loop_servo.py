@@ -99,6 +99,7 @@ class LoopServo:
                 def take(tick: Tick) -> None:
                     record(tick)
                     self._take(tick)
+                    self._send()
 
                 yield take
 
