@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from itertools import pairwise
 
 import numpy as np
 import programs
@@ -75,6 +76,33 @@ def measure_after_request(by):
     with Rig(load_rig("in-process")) as rig:
         rig.stop.request(by)
         rig.measure()
+
+
+@needs_broker
+@pytest.mark.exhaustive
+def test_tuning_session_is_published_and_stopped(tmp_path, identified):
+    pytest.importorskip("bokeh", reason="needs the extra `tune`")
+    with (
+        served("--pty", str(tmp_path / "port")) as (_, url),
+        MosquittoBroker(tmp_path) as broker,
+        Subscriber(broker) as subscriber,
+    ):
+        rig = real_time_rig(tmp_path, url + PATIENT, off_by_mqtt="true")
+        options = ["--model", str(identified.wire_file), "--no-browser", "--port", "0", "--publish", broker.url]
+        with programs.Program(
+            [sys.executable, "-m", "smadrive", "tune", rig, *options], cwd=tmp_path, stderr=subprocess.PIPE, text=True
+        ) as program:
+            wait_for(lambda: len(subscriber.texts("sample")) > 20)
+            subscriber.publish("smadrive/simulated-bench/off")
+            _, errors = program.communicate()
+        assert program.returncode == 4, errors
+        wait_for(lambda: subscriber.texts("driver")[-1:] == ["ended"])
+        states = [json.loads(text) for text in subscriber.texts("state")]
+    assert {state["command"] for state in states} == {"tune"}
+    assert (states[0]["mode"], states[-1]["end"]) == ("off", "off")
+    samples = [json.loads(text) for text in subscriber.texts("sample")]
+    assert [sample["number"] for sample in samples] == list(range(len(samples)))
+    assert all(abs(later["unix_s"] - sample["unix_s"] - 0.05) < 1.0 for sample, later in pairwise(samples))
 
 
 @needs_broker
