@@ -21,6 +21,7 @@ The class says where the cause lies; the message names what is wrong, where, the
     │   ├── FrontSilentError    no process answers OFF of the tuning page
     │   └── LoopProcessError    the loop process of a script has ended
     ├── ControllerError         a controller of the user fails              exit code 2
+    ├── MotionError             a motion of a servo has not reached its end exit code 4
     └── IdentificationError     the data do not determine the model             exit code 5
 
     BaseException
@@ -145,6 +146,12 @@ class ProtocolError(SmadriveError):
     """A reply is not the answer to the request: its CRC, unit, function, byte count or sequence number is wrong."""
 
     exit_code = 3
+
+
+class MotionError(SmadriveError):
+    """A motion of a servo has not reached its end: it took too long, or another motion or the end of the run came."""
+
+    exit_code = 4
 
 
 class DeviceError(SmadriveError):

@@ -24,6 +24,7 @@ EXAMPLES = {
         "smadrive watch my-rig.toml",
         "smadrive watch my-rig.toml --for 10 --json",
         "smadrive watch my-rig.toml --page",
+        "smadrive watch my-rig.toml --publish mqtts://me@broker.lab/lab",
     ),
     "heat": (
         "smadrive heat my-rig.toml --current 0.2 --for 10",
@@ -41,6 +42,7 @@ EXAMPLES = {
         "smadrive run my-rig.toml --reference steps.csv --smooth -o steps.h5",
         "smadrive run my-rig.toml --reference sine:low_mm=2,high_mm=9,period_s=20,cycles=1 --repeat 100 -o part-1.h5",
         "smadrive run my-rig.toml --resume part-1.h5 -o part-2.h5",
+        "smadrive run my-rig.toml --reference steps.csv -o steps.h5 --publish mqtt://broker.lab",
     ),
     "tune": ("smadrive tune my-rig.toml --model wire.json", "smadrive tune my-rig.toml --port 0 --no-browser"),
     "report": ("smadrive report run.h5", "smadrive report run.h5 --csv run.csv", "smadrive report before.h5 after.h5"),

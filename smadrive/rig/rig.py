@@ -26,6 +26,7 @@ from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import Measurement
 from smadrive.modbus.transports.transport import Transport
+from smadrive.posix import check_posix
 from smadrive.rig.assembly import open_devices
 from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_excitation_time, check_limits, check_same_wire
@@ -75,7 +76,11 @@ class Rig:
         self._trace_folder = trace_folder
 
     def __enter__(self) -> Self:
-        """Open the ports, check the identity of every device in use, and enter the safe state."""
+        """Open the ports, check the identity of every device in use, and enter the safe state.
+
+        ConfigError on a system that is not POSIX.
+        """
+        check_posix()
         with ExitStack() as stack:
             self.stop = stack.enter_context(StopListener(self._where))
             opened = open_devices(self._plan, stack, self.stop, self._clock, self._transports, self._trace_folder)

@@ -9,7 +9,6 @@ Only the first request interrupts, so later requests cannot disturb the switchin
 
 from __future__ import annotations
 
-import os
 import selectors
 import signal
 import socket
@@ -21,7 +20,8 @@ from typing import Self
 from weakref import WeakSet
 
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, peer_of, places
-from smadrive.errors import STOPPED, BusyError, StoppedError, free_the_line
+from smadrive.errors import BusyError, StoppedError, free_the_line
+from smadrive.posix import after_fork_in_child
 
 BACKLOG = 16
 MOST_ASKERS = 64
@@ -38,6 +38,7 @@ class StopListener:
 
     def __init__(self, where: str) -> None:
         self._where = where
+        self._stopped_by = "`smadrive off`"
         self._requested = self._is_closing = False
         self._mutex = threading.Lock()
         self._selector = selectors.DefaultSelector()
@@ -66,6 +67,14 @@ class StopListener:
             self._selector.register(self._wakers[1], selectors.EVENT_READ)
             self._thread = threading.Thread(target=self._serve, name="emergency stop", daemon=True)
             self._thread.start()
+
+    def request(self, by: str) -> None:
+        """Stop this driver, as a request of another process does. The message of StoppedError names `by`.
+
+        Any thread may call this method.
+        """
+        self._stopped_by = by
+        self._interrupt()
 
     def check(self) -> None:
         """Raise StoppedError if a process has asked this driver to stop."""
@@ -100,7 +109,7 @@ class StopListener:
             one.close()
 
     def _stopped(self) -> StoppedError:
-        return StoppedError(f"{self._where}: {STOPPED}")
+        return StoppedError(f"{self._where}: stopped by {self._stopped_by}")
 
     def _close(self) -> None:
         with self._mutex:
@@ -159,7 +168,7 @@ def _close_inherited() -> None:
         listener.close_inherited()
 
 
-os.register_at_fork(after_in_child=_close_inherited)
+after_fork_in_child(_close_inherited)
 
 
 def _shut(one: socket.socket) -> None:

@@ -24,9 +24,20 @@ from weakref import WeakSet
 from smadrive.errors import STOPPED, BusyError, LoopProcessError, StoppedError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
+from smadrive.posix import check_posix
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.scripting.loop.counted_interrupts import CountedInterrupts
-from smadrive.scripting.loop.messages import END, INTERRUPT, NUMBER_BYTES, REQUEST, Failure, Result, RunProgress
+from smadrive.scripting.loop.messages import (
+    COMMAND,
+    END,
+    INTERRUPT,
+    NUMBER_BYTES,
+    REQUEST,
+    Failure,
+    Result,
+    RunProgress,
+)
+from smadrive.scripting.loop.servo_messages import ServoCommand, ServoReport
 from smadrive.scripting.loop.transfer import pickled
 
 MODULE = "smadrive.scripting.loop.loop_process"
@@ -66,10 +77,12 @@ class RemoteTracebackError(Exception):
 class LoopClient:
     """Starts a loop process. `call` sends a request to this process, and `end` ends it.
 
-    `is_end_raised` is True after `call` has raised the error that the process died or was stopped.
+    `is_end_raised` is True after `call` has raised the error that the process died or was stopped. `on_report` is
+    called in another thread with each report of a servo.
     """
 
     def __init__(self) -> None:
+        check_posix()
         self._connection, theirs = Pipe()
         self._script = os.getpid()
         self._number = 0
@@ -80,6 +93,7 @@ class LoopClient:
         self._is_lost = False
         self._stop: StoppedError | None = None
         self.is_end_raised = False
+        self.on_report: Callable[[ServoReport], None] | None = None
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", MODULE, str(theirs.fileno())],
             stdin=subprocess.DEVNULL,
@@ -128,6 +142,10 @@ class LoopClient:
             self.is_end_raised = isinstance(reply.error, StoppedError)
             raise _explained(reply.error) from (RemoteTracebackError(reply.traceback) if reply.traceback else None)
         return reply.value
+
+    def command(self, servo_id: str, command: ServoCommand) -> None:
+        """Send a command to the servo whose request is being carried out, or will be."""
+        self._send(COMMAND + pickle.dumps((servo_id, command)))
 
     def end(self) -> None:
         """Ask the process to switch the heater off and to end. If it has not ended after `ENDS_WITHIN_S`, kill it."""
@@ -191,6 +209,9 @@ class LoopClient:
                 number, message = pickle.loads(self._connection.recv_bytes())  # noqa: S301 (of the same user)
                 if isinstance(message, RunProgress):
                     self._progress = message
+                elif isinstance(message, ServoReport):
+                    if self.on_report is not None:
+                        self.on_report(message)
                 else:
                     if isinstance(message, Failure) and isinstance(message.error, StoppedError):
                         self._stop = message.error

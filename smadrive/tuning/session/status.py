@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from math import isfinite
 from typing import Any
@@ -58,6 +59,7 @@ class Status:
             "rig": config.name,
             "devices": {name: str(identity) for name, identity in rig.identities.items()},
             "rate_hz": config.rate_hz,
+            "began_unix_s": time.time(),
             "limits": {
                 "current_max_a": config.limits.current_max_a,
                 "temperature_max_c": config.limits.temperature_max_c,
