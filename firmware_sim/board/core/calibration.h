@@ -10,10 +10,13 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define CALIBRATION_GAIN_ONE 16384u
+#define CALIBRATION_GAIN_ONE 16384
+#define CALIBRATION_GAIN_LOWEST 12288 /* 0.75 */
+#define CALIBRATION_GAIN_HIGHEST 20480 /* 1.25 */
+#define CALIBRATION_OFFSET_HIGHEST 500 /* 50 mA or 0.5 V, also negative */
 
 /* The record in the storage of the target: 14 bytes, no padding. `checksum` is the CRC-16 of Modbus over the six
- * constants, each with its low byte first. Storage that was never written (all 0xFF or all 0) is not valid. */
+ * constants, each with its low byte first. */
 struct calibration {
     uint16_t current_gain;
     int16_t current_offset; /* 0.1 mA */
@@ -29,6 +32,9 @@ void calibration_default(struct calibration *calibration);
 
 /* The checksum that belongs to the six constants. */
 uint16_t calibration_checksum(const struct calibration *calibration);
+
+/* True if the checksum is right and every constant lies within its limits: false for storage never written. */
+bool calibration_holds(const struct calibration *calibration);
 
 /* `count` after gain and offset. */
 uint16_t calibration_apply(uint16_t count, uint16_t gain, int16_t offset);
