@@ -94,7 +94,8 @@ class SimulatedBench:
     def _register_firmware(self, profile: Profile, log_event: Callable[[str], None]) -> RegisterFirmware:
         match profile.profile.role:
             case "heater":
-                return BoardFirmware(self.config.board, self.sensors, log_event)
+                version = 1 if profile.roles.estop is None else 2
+                return BoardFirmware(self.config.board, self.sensors, log_event, version, self.seed)
             case "supply":
                 return SupplyFirmware(self.sensors, profile, log_event)
             case _:

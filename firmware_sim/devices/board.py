@@ -5,22 +5,50 @@
 
 Current flows only while armed. A fault, and every transition out of `armed`, sets current and enable to zero. Two
 events feed the watchdog: arming, and a sequence number that differs from the previous sequence number.
+
+All numbers are counts of the registers, and all times are whole milliseconds. So another implementation of the board
+can agree to the last bit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from enum import IntEnum, IntFlag
+from enum import IntEnum
 from math import inf
+from random import Random
 
 from firmware_sim.bus.modbus_exception import DEVICE_FAILURE, ILLEGAL_VALUE, ModbusException
 from firmware_sim.config import Board
+from firmware_sim.devices.board_calibration import GAIN_ONE, BoardCalibration
+from firmware_sim.devices.board_checks import BoardLimit, CurrentCheck, sensor_faults, temperature_limit
+from firmware_sim.devices.board_readings import (
+    AMPERE,
+    DEGREE,
+    NO_TEMPERATURE,
+    VOLT,
+    BoardFault,
+    board_readings,
+)
 from firmware_sim.sensors.sensors import Sensors
 
-DERATE_C = 5.0
-DEBOUNCE_S = 0.03
-COLD_JUNCTION_RANGE_C = (-20.0, 85.0)
-CURRENT_MARGIN_A = 0.05
+SEQUENCES = range(0x0100, 0x10000)
+FAULTS_OF_VERSION_1 = 0x7F
+_SCALES = {
+    "watchdog_s": 1000,
+    "temperature_max": 10,
+    "current_max": AMPERE,
+    "heater_current": AMPERE,
+    "current_gain": GAIN_ONE,
+    "current_offset": AMPERE,
+    "voltage_gain": GAIN_ONE,
+    "voltage_offset": VOLT,
+    "source_gain": GAIN_ONE,
+    "source_offset": AMPERE,
+}
+"""Counts for one unit of a role that can be written; without an entry, 1."""
+_SETTINGS = ("watchdog_s", "temperature_max", "current_max")
+_CONSTANTS = tuple(role for role in _SCALES if role.endswith(("_gain", "_offset")))
+_NEED_IDLE = {"arm", "calibration_save", *_CONSTANTS}
 
 
 class BoardState(IntEnum):
@@ -31,81 +59,98 @@ class BoardState(IntEnum):
     FAULT = 2
 
 
-class BoardFault(IntFlag):
-    """The bits of the register `faults`. Each bit is latched."""
-
-    WATCHDOG = 1 << 0
-    OVER_TEMPERATURE = 1 << 1
-    THERMOCOUPLE_OPEN = 1 << 2
-    THERMOCOUPLE_SHORT = 1 << 3
-    COLD_JUNCTION_RANGE = 1 << 4
-    OVER_CURRENT = 1 << 5
-    HEATER_OPEN = 1 << 6
-
-
-class BoardLimit(IntFlag):
-    """The bits of the register `limits`: the limits that hold the current back now."""
-
-    CURRENT_MAX = 1 << 0
-    SUPPLY = 1 << 1
-    TEMPERATURE = 1 << 2
-
-
 class BoardFirmware:
-    """Reads `sensors` and sets `current_a`. `log_event` gets one line per event, without the time."""
+    """Reads `sensors` and sets `current_a`. `log_event` gets one line per event, without the time.
+
+    `map_version` is 1 or 2. `storage` holds the calibration record, and survives a restart.
+    """
 
     voltage_max_v = inf  # a current source: the board's limits are all in amperes
 
-    def __init__(self, board: Board, sensors: Sensors, log_event: Callable[[str], None]) -> None:
-        self._board = board
-        self._supply_limit_a = board.supply_limit_a
+    def __init__(
+        self, board: Board, sensors: Sensors, log_event: Callable[[str], None], map_version: int = 2, seed: int = 0
+    ) -> None:
+        self._map_version = map_version
+        own = (board.watchdog_s, board.temperature_max_c, board.supply_limit_a)
+        self._own = {role: _count(role, value) for role, value in zip(_SETTINGS, own, strict=True)}
         self._sensors = sensors
         self._log_event = log_event
+        self._random = Random(seed)
+        self._current_check = CurrentCheck()
+        self.storage = BoardCalibration().record()
         self.restart()
 
     def restart(self) -> None:
-        """Power up: idle, no fault latched, all settings at their defaults."""
+        """Power up: idle, no fault latched, all settings at their defaults, calibration from the storage."""
         self.state = BoardState.IDLE
         self.faults = 0
         self.limits = 0
-        self.sequence = 0
-        self.commanded_a = 0.0
-        self.current_a = 0.0
+        self.sequence = self._random.choice(SEQUENCES) if self._map_version > 1 else 0
+        self._commanded = self._set = 0
         self.uptime_s = 0.0
-        self.watchdog_s = self._board.watchdog_s
-        self.temperature_max_c = self._board.temperature_max_c
-        self.current_max_a = self._board.supply_limit_a
-        self._unfed_s = 0.0
-        self._current_wrong_s = 0.0
+        self._settings = dict(self._own)
+        self._fed_ms = self._checked_ms = 0
+        self._current_check.restart()
+        stored = BoardCalibration.of_record(self.storage)
+        self._calibration, self._is_calibrated = stored or BoardCalibration(), stored is not None
+        self._read_sensors()
+
+    @property
+    def current_a(self) -> float:
+        """The current that the source is set to: the set current, calibrated."""
+        return self._calibration.source.applied(self._set) / AMPERE if self._set else 0.0
+
+    @property
+    def commanded_a(self) -> float:
+        """The register `heater_current`."""
+        return self._commanded / AMPERE
+
+    @property
+    def watchdog_s(self) -> float:
+        """The register `watchdog_s`."""
+        return self._settings["watchdog_s"] / 1000
+
+    @property
+    def temperature_max_c(self) -> float:
+        """The register `temperature_max`."""
+        return self._settings["temperature_max"] / 10
+
+    @property
+    def current_max_a(self) -> float:
+        """The register `current_max`."""
+        return self._settings["current_max"] / AMPERE
 
     def tick(self, dt_s: float) -> None:
         """Run for `dt_s`: check the sensors, count the watchdog, set the current."""
         self.uptime_s += dt_s
-        self._unfed_s += dt_s
-        causes = self._sensor_faults() + self._current_faults(dt_s)
-        if self.state is BoardState.ARMED and self._unfed_s >= self.watchdog_s - 1e-9:
-            causes.append(BoardFault.WATCHDOG)
-        if causes:
-            self._trip(causes)
+        now_ms = self._now_ms()
+        self._read_sensors()
+        causes = self._sensor_faults()
+        causes |= self._current_check.faults(self._measured, self._set, now_ms - self._checked_ms)
+        self._checked_ms = now_ms
+        if self.state is BoardState.ARMED and now_ms - self._fed_ms >= self._settings["watchdog_s"]:
+            causes |= BoardFault.WATCHDOG.value
+        self._trip(causes)
         self._set_current()
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Raise ModbusException for a limit above the board's own limit, and for arming when the board is not idle."""
-        too_hot = values.get("temperature_max", 0.0) > self._board.temperature_max_c
-        too_much = values.get("current_max", 0.0) > self._supply_limit_a
-        if too_hot or too_much:
+        """Raise ModbusException for a limit above the board's own limit, and for a write that needs the state idle."""
+        if any(_count(role, values[role]) > self._own[role] for role in _SETTINGS[1:] if role in values):
             raise ModbusException(ILLEGAL_VALUE)
-        if "arm" in values and self.state is not BoardState.IDLE:
+        if self.state is not BoardState.IDLE and not _NEED_IDLE.isdisjoint(values):
             raise ModbusException(DEVICE_FAILURE)
 
     def write(self, values: Mapping[str, float]) -> None:
         """Carry out a write request. `values` has the written values by role."""
         if values.get("sequence", self.sequence) != self.sequence:
             self.sequence = int(values["sequence"])
-            self._unfed_s = 0.0
-        self.watchdog_s = values.get("watchdog_s", self.watchdog_s)
-        self.temperature_max_c = values.get("temperature_max", self.temperature_max_c)
-        self.current_max_a = values.get("current_max", self.current_max_a)
+            self._fed_ms = self._now_ms()
+        self._settings |= {role: _count(role, values[role]) for role in _SETTINGS if role in values}
+        for role in _CONSTANTS:
+            if role in values:
+                self._calibration = self._calibration.changed(role, _count(role, values[role]))
+        if "calibration_save" in values:
+            self.storage, self._is_calibrated = self._calibration.record(), True
         if "arm" in values:
             self._arm()
         if "fault_clear" in values:
@@ -115,98 +160,91 @@ class BoardFirmware:
 
     def quantities(self) -> dict[str, float | None]:
         """Return the values that the registers show, by role. None marks a missing reading."""
-        sensors = self._sensors
-        return {
-            "temperature": None if sensors.unreadable else sensors.temperature_c,
-            "cold_junction": sensors.cold_junction_c,
+        readings, calibration = self._readings, self._calibration
+        shown: dict[str, float | None] = {role: count / _SCALES[role] for role, count in self._settings.items()}
+        for role in _CONSTANTS:
+            shown[role] = calibration.constant(role) / _SCALES[role]
+        return shown | {
+            "temperature": None if readings.temperature == NO_TEMPERATURE else readings.temperature / DEGREE,
+            "cold_junction": readings.cold_junction / DEGREE,
             "heater_current": self.commanded_a,
             "heater_enable": 1 if self.state is BoardState.ARMED else 0,
-            "measured_current": sensors.current_a,
-            "measured_voltage": sensors.voltage_v,
-            "displacement": sensors.displacement_mm(),
+            "measured_current": self._measured / AMPERE,
+            "measured_voltage": calibration.voltage.applied(readings.voltage) / VOLT,
+            "displacement": self._sensors.displacement_mm(),
             "status": self.state.value,
             "faults": self.faults,
             "limits": self.limits,
             "sequence": self.sequence,
             "sequence_echo": self.sequence,
-            "sample_counter": sensors.conversions & 0xFFFF,
-            "uptime": self.uptime_s,
-            "watchdog_s": self.watchdog_s,
-            "temperature_max": self.temperature_max_c,
-            "current_max": self.current_max_a,
+            "sample_counter": readings.sample_counter,
+            "uptime": self._now_ms() / 1000,
+            "estop": 1 if readings.detected & BoardFault.ESTOP else 0,
         }
 
-    def _command(self, values: Mapping[str, float]) -> None:
-        if self.state is BoardState.ARMED:
-            self.commanded_a = values.get("heater_current", self.commanded_a)
-        if self.state is BoardState.ARMED and values.get("heater_enable") == 0:
-            self._leave_armed(BoardState.IDLE)
-            self._log_event("disarmed")
+    def _now_ms(self) -> int:
+        return round(self.uptime_s * 1e6) // 1000
 
-    def _sensor_faults(self) -> list[BoardFault]:
-        sensors = self._sensors
-        if unreadable := sensors.unreadable:
-            return [BoardFault.THERMOCOUPLE_OPEN if unreadable == "open" else BoardFault.THERMOCOUPLE_SHORT]
-        faults = []
-        if sensors.temperature_c >= self.temperature_max_c:
-            faults.append(BoardFault.OVER_TEMPERATURE)
-        if not COLD_JUNCTION_RANGE_C[0] <= sensors.cold_junction_c <= COLD_JUNCTION_RANGE_C[1]:
-            faults.append(BoardFault.COLD_JUNCTION_RANGE)
-        return faults
+    def _read_sensors(self) -> None:
+        self._readings = board_readings(self._sensors)
+        self._measured = self._calibration.current.applied(self._readings.current)
 
-    def _current_faults(self, dt_s: float) -> list[BoardFault]:
-        """Return the faults of the heater current, debounced.
+    def _sensor_faults(self) -> int:
+        faults = sensor_faults(self._readings, self._settings["temperature_max"])
+        if self._map_version == 1:
+            return faults & FAULTS_OF_VERSION_1
+        return faults if self._is_calibrated else faults | BoardFault.SELF_TEST.value
 
-        More current than set means a shorted switch, less than half the set current a broken wire.
-        """
-        set_a, measured_a = self.current_a, self._sensors.current_a
-        excess = measured_a > 1.1 * set_a + CURRENT_MARGIN_A
-        lack = set_a > CURRENT_MARGIN_A and measured_a < 0.5 * set_a
-        self._current_wrong_s = self._current_wrong_s + dt_s if excess or lack else 0.0
-        if self._current_wrong_s < DEBOUNCE_S - 1e-9:
-            return []
-        return [BoardFault.OVER_CURRENT if excess else BoardFault.HEATER_OPEN]
-
-    def _trip(self, causes: list[BoardFault]) -> None:
-        for fault in causes:
-            if not fault & self.faults:
+    def _trip(self, causes: int) -> None:
+        if new := causes & ~self.faults:
+            for fault in BoardFault(new):
                 self._log_event(self._event_text(fault))
-                self.faults |= fault.value
-                self._leave_armed(BoardState.FAULT)
+            self.faults |= causes
+            self._leave_armed(BoardState.FAULT)
 
     def _event_text(self, fault: BoardFault) -> str:
         if fault is BoardFault.WATCHDOG:
             return f"watchdog: no new sequence for {self.watchdog_s:.3f} s, heater off"
         if fault is BoardFault.OVER_TEMPERATURE:
-            hot_c, limit_c = self._sensors.temperature_c, self.temperature_max_c
+            hot_c, limit_c = self._readings.temperature / DEGREE, self.temperature_max_c
             return f"over_temperature: {hot_c:.1f} degC, the limit is {limit_c:g} degC, heater off"
         return f"{(fault.name or '').lower()}: heater off"
 
+    def _command(self, values: Mapping[str, float]) -> None:
+        if self.state is not BoardState.ARMED:
+            return
+        self._commanded = _count("heater_current", values.get("heater_current", self.commanded_a))
+        if values.get("heater_enable") == 0:
+            self._leave_armed(BoardState.IDLE)
+            self._log_event("disarmed")
+
     def _arm(self) -> None:
         self.state = BoardState.ARMED
-        self._unfed_s = 0.0
+        self._fed_ms = self._now_ms()
         self._log_event(f"armed, watchdog {self.watchdog_s:.3f} s")
 
     def _clear(self) -> None:
         """Clear the latched faults; a fault whose cause persists latches again at once, or after its debounce."""
         self._log_event("faults cleared")
         self.faults = 0
-        self._current_wrong_s = 0.0
+        self._current_check.restart()
         self._leave_armed(BoardState.IDLE)
         self._trip(self._sensor_faults())
 
     def _leave_armed(self, state: BoardState) -> None:
         self.state = state
-        self.commanded_a = 0.0
+        self._commanded = self._set = 0
 
     def _set_current(self) -> None:
-        self.limits = 0
-        current_a = self.commanded_a if self.state is BoardState.ARMED else 0.0
-        margin_c = self.temperature_max_c - self._sensors.temperature_c
-        if current_a > self.current_max_a:
-            current_a, self.limits = self.current_max_a, BoardLimit.CURRENT_MAX.value
-        if current_a > self._supply_limit_a:
-            current_a, self.limits = self._supply_limit_a, self.limits | BoardLimit.SUPPLY.value
-        if margin_c < DERATE_C and current_a > (derated_a := self.current_max_a * max(margin_c, 0.0) / DERATE_C):
-            current_a, self.limits = derated_a, self.limits | BoardLimit.TEMPERATURE.value
-        self.current_a = current_a
+        """Apply the limits to the commanded current."""
+        self.limits, self._set = 0, self._commanded if self.state is BoardState.ARMED else 0
+        settings = self._settings
+        near = temperature_limit(self._readings.temperature, settings["temperature_max"], settings["current_max"])
+        for limit, highest in zip(BoardLimit, (settings["current_max"], self._own["current_max"], near), strict=True):
+            if highest is not None and self._set > highest:
+                self._set, self.limits = highest, self.limits | limit.value
+
+
+def _count(role: str, value: float) -> int:
+    """Return the count of the register with this role that stands for `value`."""
+    return round(value * _SCALES[role])

@@ -136,7 +136,12 @@ class Profile(Section):
         proofs = tuple(IdentityRegister(register=name, ranges=[span]) for name, span in variant.match.items())
         others = tuple(proof for proof in self.identify if proof.register_ not in variant.match)
         return self.model_copy(
-            update={"registers": applied(self.registers, variant), "identify": others + proofs, "variants": ()}
+            update={
+                "registers": applied(self.registers, variant),
+                "roles": self.roles.without(variant.absent),
+                "identify": others + proofs,
+                "variants": (),
+            }
         )
 
     def chosen(self, choice: str) -> Profile:
