@@ -1,0 +1,4 @@
+/* Wires of 0.05 to 0.1 mm. docs/board.md, "Ranges". */
+#define SUPPLY_LIMIT 4000u
+#define SOURCE_FULL_SCALE 4096u
+#define SHUNT_MICROOHM 120000u /* 683 mA at 81.9 mV */
