@@ -16,11 +16,13 @@ gives one. So a driver can distinguish a simulated device from other devices. A 
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import StrEnum
 from math import sqrt
 from random import SystemRandom
 
+from firmware_sim.board.emulator.firmware import EmulatedFirmware
 from firmware_sim.bus.random_faults import RandomBusFaults
-from firmware_sim.config import SimConfig
+from firmware_sim.config import Board, SimConfig
 from firmware_sim.devices.board import BoardFirmware
 from firmware_sim.devices.device import SimulatedDevice
 from firmware_sim.devices.firmware import DeviceParts, RegisterFirmware
@@ -35,18 +37,33 @@ from firmware_sim.sensors.sensors import Sensors
 from smadrive.devices.profile.profile import Profile, load_profile
 from smadrive.errors import ConfigError
 
+REFERENCE = "sma-reference"
 TICK_S = 0.01
 FIRMWARE_VERSION = 100
 SERIAL_NUMBERS = range(1 << 31, (1 << 32) - 1)
 """Random serial numbers of simulated devices. Vendors use low numbers; the highest number means "no number"."""
 
 
+class BoardKind(StrEnum):
+    """What runs as the reference board: its model in Python, or its firmware on an emulated microcontroller."""
+
+    PYTHON = "python"
+    ATMEGA328P = "atmega328p"
+
+
 class SimulatedBench:
     """The wire and its devices. `log` gets a line per event, with the time of the bench; `events` keeps these lines."""
 
-    def __init__(self, config: SimConfig, seed: int = 0, log: Callable[[str], None] | None = None) -> None:
+    def __init__(
+        self,
+        config: SimConfig,
+        seed: int = 0,
+        log: Callable[[str], None] | None = None,
+        board: BoardKind = BoardKind.PYTHON,
+    ) -> None:
         self.config = config
         self.seed = seed
+        self.board = board
         self.time_s = 0.0
         self.events: list[str] = []
         self.plant = Plant(config)
@@ -77,12 +94,15 @@ class SimulatedBench:
     def build_parts(self, profile: Profile, log_event: Callable[[str], None]) -> DeviceParts:
         """Return the firmware of a device of this profile, and the handler of its requests."""
         board = self.config.board
+        if profile.profile.id == REFERENCE and self.board is BoardKind.ATMEGA328P:
+            emulated = EmulatedFirmware(self.config, self.sensors, log_event, _serial_number(board), self.seed)
+            return DeviceParts(emulated, emulated, emulated.line)
         if not profile.has_registers:
             tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.resistance_ohm, log_event)
             return DeviceParts(tclab, tclab)
         firmware = self._register_firmware(profile, log_event)
         bank = RegisterBank(profile)
-        bank.preset("serial_number", _random_serial_number() if board.serial_number is None else board.serial_number)
+        bank.preset("serial_number", _serial_number(board))
         bank.preset("firmware_version", FIRMWARE_VERSION)
         return DeviceParts(firmware, Responder(bank, firmware, profile.timing))
 
@@ -153,12 +173,16 @@ class SimulatedBench:
         self._timeline.advance_to(self.time_s)
 
 
-def _random_serial_number() -> int:
-    return SystemRandom().choice(SERIAL_NUMBERS)
+def _serial_number(board: Board) -> int:
+    return SystemRandom().choice(SERIAL_NUMBERS) if board.serial_number is None else board.serial_number
 
 
 def simulated_device(
-    config: SimConfig, seed: int = 0, profile: Profile | None = None, log: Callable[[str], None] | None = None
+    config: SimConfig,
+    seed: int = 0,
+    profile: Profile | None = None,
+    log: Callable[[str], None] | None = None,
+    board: BoardKind = BoardKind.PYTHON,
 ) -> SimulatedDevice:
     """Return the only device of a new bench. Without `profile` the device is the reference board."""
-    return SimulatedBench(config, seed, log).attach(profile or load_profile("sma-reference"))
+    return SimulatedBench(config, seed, log, board).attach(profile or load_profile(REFERENCE))

@@ -12,7 +12,7 @@ from typing import Annotated, TextIO
 
 import typer
 
-from firmware_sim.bench import SimulatedBench
+from firmware_sim.bench import REFERENCE, BoardKind, SimulatedBench
 from firmware_sim.config import load_sim
 from firmware_sim.devices.device import SimulatedDevice
 from firmware_sim.devices.replay import Replay
@@ -23,8 +23,6 @@ from firmware_sim.server.server import Server, stop_on_signal
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.real_time import use_real_time_scheduling
-
-REFERENCE = "sma-reference"
 
 main = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -75,6 +73,12 @@ def serve(
     faults: Annotated[
         Path | None, typer.Option(help="A script of faults (docs/simulator.md).", metavar="FAULTS.toml")
     ] = None,
+    board: Annotated[
+        BoardKind,
+        typer.Option(
+            help=f"What runs as {REFERENCE}: its model in Python, or its firmware on an emulated microcontroller."
+        ),
+    ] = BoardKind.PYTHON,
     seed: Annotated[
         int, typer.Option(min=0, max=2**32 - 1, help="Seed of the sensor noise and of random faults.", metavar="SEED")
     ] = 0,
@@ -91,7 +95,7 @@ def serve(
                 _check_alone(sim or profile or faults or line_speed)
                 _serve_replay(Replay(replay, log_line), address, stack, log_line, time)
             else:
-                bench = SimulatedBench(load_sim(_named(sim)), seed, log_line)
+                bench = SimulatedBench(load_sim(_named(sim)), seed, log_line, board)
                 devices = _attached(bench, address, profile)
                 if faults is not None:
                     bench.follow_script(load_script(faults))

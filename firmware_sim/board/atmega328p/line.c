@@ -93,6 +93,7 @@ void line_send(const uint8_t *bytes, uint8_t count)
         sent_in = next;
     }
     cli();
-    UCSR0B |= _BV(UDRIE0);
+    if (sent_in != sent_out)
+        UCSR0B |= _BV(UDRIE0);
     sei();
 }

@@ -13,7 +13,6 @@
 #include "storage.h"
 
 #define FIRMWARE_VERSION 200u
-#define WATCHDOG_MS 500u
 #define UNIT_ID 1u
 
 static struct board board;

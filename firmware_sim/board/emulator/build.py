@@ -1,0 +1,104 @@
+"""Builds the emulator and the firmware with `make`, when they are needed.
+
+The results lie in folders named `build`, which git ignores. A lock file keeps two processes from building at once.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import NamedTuple
+
+from firmware_sim.config import Board
+from smadrive.errors import ConfigError
+
+EMULATOR = Path(__file__).parent / "library"
+TARGET = Path(__file__).parents[1] / "atmega328p"
+TOOLS = ("make", "gcc", "avr-gcc")
+HEADERS = (Path("/usr/include/simavr/sim_avr.h"), Path("/usr/include/libelf.h"))
+PACKAGES = "make gcc gcc-avr avr-libc libsimavr-dev libelf-dev"
+_DEFINE = re.compile(r"^#define (\w+) (\d+)u", re.MULTILINE)
+
+
+def missing_tools() -> list[str]:
+    """Return the programs and headers that building the emulator and the firmware needs and this computer lacks."""
+    lacking = [tool for tool in TOOLS if shutil.which(tool) is None]
+    return lacking + [str(header) for header in HEADERS if not header.exists()]
+
+
+class Range(NamedTuple):
+    """A range of currents of the board: a file in `atmega328p/ranges`."""
+
+    name: str
+    supply_limit_a: float
+    full_scale_a: float
+    shunt_ohm: float
+
+
+def ranges() -> list[Range]:
+    """Return the ranges of the board, the smallest first."""
+    found = [_range_of(path) for path in (TARGET / "ranges").glob("*.h")]
+    return sorted(found, key=lambda one: one.supply_limit_a)
+
+
+def range_for(current_a: float) -> Range:
+    """Return the smallest range that reaches `current_a`. ConfigError if there is none."""
+    fitting = [one for one in ranges() if one.supply_limit_a >= current_a]
+    if not fitting:
+        raise ConfigError(
+            "no range of the board reaches this current",
+            where="supply_limit_a",
+            value=current_a,
+            limit=f"at most {ranges()[-1].supply_limit_a:g} A",
+            cure="choose a lower current, or --board python",
+        )
+    return fitting[0]
+
+
+def _range_of(path: Path) -> Range:
+    counts = {name: int(count) for name, count in _DEFINE.findall(path.read_text(encoding="utf-8"))}
+    return Range(
+        path.stem, counts["SUPPLY_LIMIT"] / 1e4, counts["SOURCE_FULL_SCALE"] / 1e4, counts["SHUNT_MICROOHM"] / 1e6
+    )
+
+
+def emulator_library() -> Path:
+    """Return the shared library of the emulator, built if it is older than its source."""
+    _make(EMULATOR)
+    return EMULATOR / "build" / "libemulator.so"
+
+
+def firmware_file(board: Board, *, hang_hook: bool = False) -> Path:
+    """Return the firmware for this board as an ELF file, built if it is older than its source.
+
+    With `hang_hook` the main loop hangs while the register GPIOR0 is not zero.
+    """
+    name = range_for(board.supply_limit_a).name
+    counts = {
+        "SUPPLY_LIMIT": round(board.supply_limit_a * 1e4),
+        "TEMPERATURE_MAX": round(board.temperature_max_c * 10),
+        "WATCHDOG_MS": round(board.watchdog_s * 1e3),
+    }
+    defines = [f"-D{key}={count}u" for key, count in counts.items()] + ["-DHANG_HOOK"] * hang_hook
+    folder = "build/" + "-".join((name, *map(str, counts.values()), *["hang"] * hang_hook))
+    _make(TARGET, f"RANGE={name}", f"BUILD={folder}", "DEFINES=" + " ".join(defines))
+    return TARGET / folder / "board.elf"
+
+
+def _make(folder: Path, *variables: str) -> None:
+    if missing := missing_tools():
+        raise ConfigError(
+            "the emulated board needs programs that are not installed",
+            value=", ".join(missing),
+            cure=f"apt-get install {PACKAGES}",
+        )
+    build = folder / "build"
+    build.mkdir(exist_ok=True)
+    with (build / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        made = subprocess.run(["make", "-C", folder, *variables], capture_output=True, text=True, check=False)
+    if made.returncode:
+        raise ConfigError("make has failed", where=folder, value=made.stderr.strip(), cure="see the output of make")
