@@ -77,7 +77,8 @@ class Sensors:
     def _convert(self) -> None:
         right_c = self.bead.temperature_c + self._noise_c * self._noise.next()
         shown_c = self.faults.thermocouple.shown(right_c, self.temperature_c, self.cold_junction_c)
-        self.temperature_c = round(shown_c / self._quantum_c) * self._quantum_c
+        if self.unreadable is None:
+            self.temperature_c = round(shown_c / self._quantum_c) * self._quantum_c
 
     def _sense_heater(self) -> None:
         right_a = max(0.0, self._plant.current_a + self._noise_a * self._noise.next())

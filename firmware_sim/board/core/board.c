@@ -60,7 +60,7 @@ static bool is_unfed(const struct board_state *state, uint32_t now_ms) {
     return state->mode == BOARD_ARMED && now_ms - state->fed_ms >= state->watchdog_ms;
 }
 
-static uint16_t source_current(const struct board_state *state) {
+uint16_t board_source(const struct board_state *state) {
     const struct calibration *calibration = &state->calibration;
     return state->set == 0 ? 0u : calibration_apply(state->set, calibration->source_gain, calibration->source_offset);
 }
@@ -80,7 +80,7 @@ void board_tick(struct board *board, const struct board_inputs *inputs, uint32_t
     }
     state_trip(state, causes);
     limits_apply(state, &board->hardware);
-    outputs->current = source_current(state);
+    outputs->current = board_source(state);
     outputs->enable = state->mode == BOARD_ARMED;
 }
 

@@ -123,6 +123,9 @@ void board_power_up(struct board *board, const struct board_hardware *hardware, 
 void board_tick(struct board *board, const struct board_inputs *inputs, uint32_t now_ms,
                 struct board_outputs *outputs);
 
+/* The output of the current source for the present set current: the set current, calibrated; 0 unless armed. */
+uint16_t board_source(const struct board_state *state);
+
 /* The main loop is alive. Call it in every turn of the loop. */
 void board_poll(struct board *board, uint32_t now_ms);
 
