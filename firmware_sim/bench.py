@@ -73,6 +73,14 @@ class SimulatedBench:
         self._log = log
         self._timeline = Timeline()
 
+    def choose_board(self, kind: str) -> None:
+        """Let devices of the type sma-reference that are attached from now on be of this kind. ConfigError for others."""
+        try:
+            self.board = BoardKind(kind)
+        except ValueError:
+            cure = f"write {' or '.join(BoardKind)}"
+            raise ConfigError("there is no such board", where="board", value=kind, cure=cure) from None
+
     def attach(self, profile: Profile, unit_id: int | None = None, name: str = "") -> SimulatedDevice:
         """Add a device with the register map of `profile`. The names of its events and faults begin with `name`.
 

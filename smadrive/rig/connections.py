@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
+from urllib.parse import parse_qsl
 
 from smadrive.devices.device import Device
 from smadrive.devices.heating.tclab_board import TCLabBoard
@@ -107,12 +108,14 @@ class Connections:
     def _simulated(self, device: PlannedDevice) -> Transport:
         """Return a connection to a simulated device in this process. Devices with the same sim://NAME share one bench.
 
-        sim://NAME?profile=OTHER simulates a device of type OTHER instead of the type in the rig file.
+        sim://NAME?profile=OTHER simulates a device of type OTHER instead of the type in the rig file, and
+        sim://NAME?board=atmega328p runs the firmware of that microcontroller.
         """
-        name, _, other = device.config.url.removeprefix(SIMULATED).partition("?profile=")
+        name, _, query = device.config.url.removeprefix(SIMULATED).partition("?")
+        options = dict(parse_qsl(query))
         if name not in self._simulations:
             self._simulations[name] = simulate(name)
-        return self._simulations[name].transport(device.config, other)
+        return self._simulations[name].transport(device.config, options.get("profile", ""), options.get("board", ""))
 
     def _trace(self, device: PlannedDevice, transport: Transport, *, speaks_text: bool) -> TraceFile | None:
         if self._trace_folder is None:

@@ -70,13 +70,20 @@ static void rest(void)
     sei();
 }
 
+/* The line stays silent until there are readings, so that no host sees a board without a temperature. */
+static void wait_for_readings(void)
+{
+    while (!safety_has_readings())
+        board_poll(&board, safety_now_ms());
+}
+
 int main(void)
 {
     power_up();
-    bool passed = test_hardware();
-    line_begin();
-    safety_begin(&board, passed);
+    safety_begin(&board, test_hardware());
     sei();
+    wait_for_readings();
+    line_begin();
     for (;;) {
         board_poll(&board, safety_now_ms());
         serve_line();

@@ -12,7 +12,8 @@
 #define WATCHDOG_MS 500u /* the default of the register watchdog_s */
 #endif
 
-/* Displacement at 1.1 V of the analogue input, 0.0001 mm: a sensor with 0.1 V per mm behind a divider by 5. */
-#define DISPLACEMENT_FULL_SCALE 550912L
+/* Displacement of one step of the ADC, 0.0001 mm: 1.1 V at the analogue input are 22.5 mm. docs/board.md says how to
+ * make the divider; the rig file of the host corrects offset and scale. */
+#define DISPLACEMENT_STEP 220L
 
 #endif

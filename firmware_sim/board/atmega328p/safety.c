@@ -61,7 +61,7 @@ static uint16_t read_meters(void)
 /* The conversion that began in the tick before. */
 static void read_displacement(void)
 {
-    inputs.displacement = PIND & JUMPER ? BOARD_NO_DISPLACEMENT : (int32_t)ADC * (DISPLACEMENT_FULL_SCALE / 1024);
+    inputs.displacement = PIND & JUMPER ? BOARD_NO_DISPLACEMENT : ADC * DISPLACEMENT_STEP;
     ADCSRA |= _BV(ADSC);
 }
 
@@ -118,6 +118,14 @@ void board_lock(void)
 void board_unlock(void)
 {
     TIMSK1 = _BV(OCIE1A);
+}
+
+bool safety_has_readings(void)
+{
+    board_lock();
+    bool has_readings = inputs.temperature != BOARD_NO_TEMPERATURE || inputs.detected;
+    board_unlock();
+    return has_readings;
 }
 
 uint32_t safety_now_ms(void)

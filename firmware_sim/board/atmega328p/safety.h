@@ -10,6 +10,9 @@
 /* Starts the interrupt for `board`. `passed` is the result of the self-test. */
 void safety_begin(struct board *board, bool passed);
 
+/* True from the first conversion of the thermocouple on, or when a fault is detected. */
+bool safety_has_readings(void);
+
 /* Time since power-up, ms. */
 uint32_t safety_now_ms(void);
 

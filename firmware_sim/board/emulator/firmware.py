@@ -18,10 +18,12 @@ from firmware_sim.board.emulator.serial_line import SerialLine
 from firmware_sim.config import SimConfig
 from firmware_sim.sensors.sensors import Sensors
 
+BOOT_S = 0.5
+"""The board has got its supply this long before the simulation begins, so it answers from the beginning."""
 SUPPLY_MARGIN = 1.1
 SUPPLY_DROP_V = 1.0
-DISPLACEMENT_V_PER_MM = 0.02
-"""A sensor with 0.1 V per mm, behind a divider by 5."""
+DISPLACEMENT_V_PER_MM = 1.1 / 1024 / 0.022
+"""A step of the analogue input, 1.1 V / 1024, is 0.022 mm."""
 _CONVERTER = {"open": Converter.OPEN, "short": Converter.SHORT, "stopped": Converter.STOPPED}
 
 
@@ -41,7 +43,6 @@ class EmulatedFirmware:
         """Build and start the firmware for `config.board`. ConfigError if it cannot be built."""
         board = config.board
         self.chip = Microcontroller(firmware_file(board, hang_hook=hang_hook), Random(seed).getrandbits(32))
-        self.line = SerialLine(self.chip)
         self.voltage_max_v = SUPPLY_MARGIN * board.supply_limit_a * config.wire.resistance_cold_ohm + SUPPLY_DROP_V
         self._sensors = sensors
         self._log_event = log_event
@@ -54,6 +55,9 @@ class EmulatedFirmware:
         world.full_scale_a, world.shunt_ohm = fitted.full_scale_a, fitted.shunt_ohm
         world.displacement_fitted = config.displacement is not None
         self._show()
+        self.chip.run(BOOT_S)
+        self._start_cycle = self.chip.cycle
+        self.line = SerialLine(self.chip, self._start_cycle)
 
     @property
     def current_a(self) -> float:
@@ -69,7 +73,7 @@ class EmulatedFirmware:
         """Run for `dt_s`. Nothing happens if the board is ahead because it has answered a request."""
         self._time_s += dt_s
         self._show()
-        self.chip.run_until(round(self._time_s * HZ))
+        self.chip.run_until(self._start_cycle + round(self._time_s * HZ))
         self._note_changes()
 
     def answer(self, pdu: bytes) -> bytes:

@@ -23,8 +23,10 @@ _NO_REPLY = 11
 class SerialLine:
     """The UART of `chip` and the host's end of the line."""
 
-    def __init__(self, chip: Microcontroller) -> None:
+    def __init__(self, chip: Microcontroller, start_cycle: int = 0) -> None:
+        """`start_cycle` is the cycle in which the time of the simulation begins."""
         self._chip = chip
+        self._start_cycle = start_cycle
 
     def exchange(self, data: bytes) -> list[tuple[float, bytes]]:
         """Send `data`, and return the frames that the board answers, each with the time at which it is complete."""
@@ -33,7 +35,8 @@ class SerialLine:
         while not self._is_quiet(received):
             self._chip.run_until(self._chip.cycle + _SLICE_CYCLES)
             received += self._chip.receive()
-        return [(frame[-1].cycle / HZ, bytes(sent.value for sent in frame)) for frame in _frames(received)]
+        frames = _frames(received)
+        return [((frame[-1].cycle - self._start_cycle) / HZ, bytes(sent.value for sent in frame)) for frame in frames]
 
     def answer(self, pdu: bytes) -> bytes:
         """Send the request `pdu`, and return the PDU of the reply: exception 11 if the board does not reply."""

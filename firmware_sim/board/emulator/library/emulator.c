@@ -147,7 +147,7 @@ static void show_world(struct emulator *emulator)
     emulator->dac.slave.absent = world->dac_absent;
     emulator->top.slave.absent = world->top_meter_absent;
     emulator->bottom.slave.absent = world->bottom_meter_absent;
-    avr_raise_irq(input, (uint32_t)(world->displacement_v * 1000.0 + 0.5));
+    avr_raise_irq(input, (uint32_t)(world->displacement_v * 1000.0 * 1024 / 1023 + 0.5)); /* simavr divides by 1023 */
 }
 
 static void step(struct emulator *emulator)
