@@ -16,14 +16,14 @@ gives one. So a driver can distinguish a simulated device from other devices. A 
 from __future__ import annotations
 
 from collections.abc import Callable
-from enum import StrEnum
 from math import sqrt
 from random import SystemRandom
 
 from firmware_sim.board.emulator.firmware import EmulatedFirmware
+from firmware_sim.board.native_board import NativeBoard
 from firmware_sim.bus.random_faults import RandomBusFaults
-from firmware_sim.config import Board, SimConfig
-from firmware_sim.devices.board import BoardFirmware
+from firmware_sim.config import SimConfig
+from firmware_sim.devices.board.firmware import BoardFirmware
 from firmware_sim.devices.device import SimulatedDevice
 from firmware_sim.devices.firmware import DeviceParts, RegisterFirmware
 from firmware_sim.devices.instrument import InstrumentFirmware
@@ -37,33 +37,18 @@ from firmware_sim.sensors.sensors import Sensors
 from smadrive.devices.profile.profile import Profile, load_profile
 from smadrive.errors import ConfigError
 
-REFERENCE = "sma-reference"
 TICK_S = 0.01
 FIRMWARE_VERSION = 100
 SERIAL_NUMBERS = range(1 << 31, (1 << 32) - 1)
 """Random serial numbers of simulated devices. Vendors use low numbers; the highest number means "no number"."""
 
 
-class BoardKind(StrEnum):
-    """What runs as the reference board: its model in Python, or its firmware on an emulated microcontroller."""
-
-    PYTHON = "python"
-    ATMEGA328P = "atmega328p"
-
-
 class SimulatedBench:
     """The wire and its devices. `log` gets a line per event, with the time of the bench; `events` keeps these lines."""
 
-    def __init__(
-        self,
-        config: SimConfig,
-        seed: int = 0,
-        log: Callable[[str], None] | None = None,
-        board: BoardKind = BoardKind.PYTHON,
-    ) -> None:
+    def __init__(self, config: SimConfig, seed: int = 0, log: Callable[[str], None] | None = None) -> None:
         self.config = config
         self.seed = seed
-        self.board = board
         self.time_s = 0.0
         self.events: list[str] = []
         self.plant = Plant(config)
@@ -72,14 +57,6 @@ class SimulatedBench:
         self._heating: SimulatedDevice | None = None
         self._log = log
         self._timeline = Timeline()
-
-    def choose_board(self, kind: str) -> None:
-        """Let devices of the type sma-reference that are attached from now on be of this kind. ConfigError for others."""
-        try:
-            self.board = BoardKind(kind)
-        except ValueError:
-            cure = f"write {' or '.join(BoardKind)}"
-            raise ConfigError("there is no such board", where="board", value=kind, cure=cure) from None
 
     def attach(self, profile: Profile, unit_id: int | None = None, name: str = "") -> SimulatedDevice:
         """Add a device with the register map of `profile`. The names of its events and faults begin with `name`.
@@ -102,15 +79,15 @@ class SimulatedBench:
     def build_parts(self, profile: Profile, log_event: Callable[[str], None]) -> DeviceParts:
         """Return the firmware of a device of this profile, and the handler of its requests."""
         board = self.config.board
-        if profile.profile.id == REFERENCE and self.board is BoardKind.ATMEGA328P:
-            emulated = EmulatedFirmware(self.config, self.sensors, log_event, _serial_number(board), self.seed)
-            return DeviceParts(emulated, emulated, emulated.line)
         if not profile.has_registers:
             tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.resistance_ohm, log_event)
             return DeviceParts(tclab, tclab)
+        serial_number = _random_serial_number() if board.serial_number is None else board.serial_number
+        if profile.profile.role == "heater" and board.implementation != "python":
+            return self._board_in_c(profile, serial_number, log_event)
         firmware = self._register_firmware(profile, log_event)
         bank = RegisterBank(profile)
-        bank.preset("serial_number", _serial_number(board))
+        bank.preset("serial_number", serial_number)
         bank.preset("firmware_version", FIRMWARE_VERSION)
         return DeviceParts(firmware, Responder(bank, firmware, profile.timing))
 
@@ -128,6 +105,26 @@ class SimulatedBench:
                 return SupplyFirmware(self.sensors, profile, log_event)
             case _:
                 return InstrumentFirmware(self.sensors, profile.timing.update_ms / 1e3)
+
+    def _board_in_c(self, profile: Profile, serial_number: int, log_event: Callable[[str], None]) -> DeviceParts:
+        if profile.roles.estop is None:
+            raise ConfigError(
+                "the board core serves only map version 2",
+                where=f"profile '{profile.profile.id}'",
+                cure="use the profile sma-reference, or the implementation python",
+            )
+        if self.config.board.implementation == "atmega328p":
+            emulated = EmulatedFirmware(self.config, self.sensors, log_event, serial_number, self.seed)
+            return DeviceParts(emulated, emulated, emulated.line)
+        native = NativeBoard(
+            self.config.board,
+            self.sensors,
+            log_event,
+            serial_number=serial_number,
+            firmware_version=FIRMWARE_VERSION,
+            seed=self.seed,
+        )
+        return DeviceParts(native, native)
 
     def advance_to(self, time_s: float) -> None:
         """Run the bench until `time_s`. Do nothing for a time in the past."""
@@ -181,16 +178,12 @@ class SimulatedBench:
         self._timeline.advance_to(self.time_s)
 
 
-def _serial_number(board: Board) -> int:
-    return SystemRandom().choice(SERIAL_NUMBERS) if board.serial_number is None else board.serial_number
+def _random_serial_number() -> int:
+    return SystemRandom().choice(SERIAL_NUMBERS)
 
 
 def simulated_device(
-    config: SimConfig,
-    seed: int = 0,
-    profile: Profile | None = None,
-    log: Callable[[str], None] | None = None,
-    board: BoardKind = BoardKind.PYTHON,
+    config: SimConfig, seed: int = 0, profile: Profile | None = None, log: Callable[[str], None] | None = None
 ) -> SimulatedDevice:
     """Return the only device of a new bench. Without `profile` the device is the reference board."""
-    return SimulatedBench(config, seed, log, board).attach(profile or load_profile(REFERENCE))
+    return SimulatedBench(config, seed, log).attach(profile or load_profile("sma-reference"))

@@ -12,8 +12,8 @@ from typing import Annotated, TextIO
 
 import typer
 
-from firmware_sim.bench import REFERENCE, BoardKind, SimulatedBench
-from firmware_sim.config import load_sim
+from firmware_sim.bench import SimulatedBench
+from firmware_sim.config import SimConfig, load_sim
 from firmware_sim.devices.device import SimulatedDevice
 from firmware_sim.devices.replay import Replay
 from firmware_sim.fault_script import load_script
@@ -24,6 +24,8 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.real_time import use_real_time_scheduling
 
+REFERENCE = "sma-reference"
+
 main = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
@@ -33,6 +35,14 @@ class Time(StrEnum):
     REAL = "real"
     LOCKSTEP = "lockstep"
     DRIVEN = "driven"  # lockstep, as version 0.1 called it
+
+
+class BoardKind(StrEnum):
+    """The implementation of the board's firmware."""
+
+    PYTHON = "python"
+    NATIVE = "native"
+    ATMEGA328P = "atmega328p"
 
 
 @main.command()
@@ -70,15 +80,16 @@ def serve(
             help="Source of the time: real is the machine's clock, lockstep (in 0.1: driven) is standard input."
         ),
     ] = Time.REAL,
+    board: Annotated[
+        BoardKind | None,
+        typer.Option(
+            help="Firmware of the board: python, native (the C core), or atmega328p (the program of an emulated "
+            "microcontroller). The default is that of the SIM.toml."
+        ),
+    ] = None,
     faults: Annotated[
         Path | None, typer.Option(help="A script of faults (docs/simulator.md).", metavar="FAULTS.toml")
     ] = None,
-    board: Annotated[
-        BoardKind,
-        typer.Option(
-            help=f"What runs as {REFERENCE}: its model in Python, or its firmware on an emulated microcontroller."
-        ),
-    ] = BoardKind.PYTHON,
     seed: Annotated[
         int, typer.Option(min=0, max=2**32 - 1, help="Seed of the sensor noise and of random faults.", metavar="SEED")
     ] = 0,
@@ -92,10 +103,10 @@ def serve(
             log_line = _line_writer(file)
             address = _listen_address(pty, tcp, rtu_tcp)
             if replay is not None:
-                _check_alone(sim or profile or faults or line_speed)
+                _check_alone(sim or profile or faults or line_speed or board)
                 _serve_replay(Replay(replay, log_line), address, stack, log_line, time)
             else:
-                bench = SimulatedBench(load_sim(_named(sim)), seed, log_line, board)
+                bench = SimulatedBench(_with_board(load_sim(_named(sim)), board), seed, log_line)
                 devices = _attached(bench, address, profile)
                 if faults is not None:
                     bench.follow_script(load_script(faults))
@@ -105,10 +116,16 @@ def serve(
         raise typer.Exit(error.exit_code) from None
 
 
+def _with_board(config: SimConfig, board: BoardKind | None) -> SimConfig:
+    if board is None:
+        return config
+    return config.model_copy(update={"board": config.board.model_copy(update={"implementation": board.value})})
+
+
 def _check_alone(other: object) -> None:
     if other:
         raise ConfigError(
-            "this option cannot be combined with SIM.toml, --profile, --faults or --line-speed",
+            "this option cannot be combined with SIM.toml, --profile, --board, --faults or --line-speed",
             where="--replay",
             cure="leave out the others",
         )

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from pathlib import Path
-from urllib.parse import parse_qsl
 
 from smadrive.devices.device import Device
 from smadrive.devices.heating.tclab_board import TCLabBoard
@@ -108,14 +107,12 @@ class Connections:
     def _simulated(self, device: PlannedDevice) -> Transport:
         """Return a connection to a simulated device in this process. Devices with the same sim://NAME share one bench.
 
-        sim://NAME?profile=OTHER simulates a device of type OTHER instead of the type in the rig file, and
-        sim://NAME?board=atmega328p runs the firmware of that microcontroller.
+        sim://NAME?profile=OTHER simulates a device of type OTHER instead of the type in the rig file.
         """
-        name, _, query = device.config.url.removeprefix(SIMULATED).partition("?")
-        options = dict(parse_qsl(query))
+        name, _, other = device.config.url.removeprefix(SIMULATED).partition("?profile=")
         if name not in self._simulations:
             self._simulations[name] = simulate(name)
-        return self._simulations[name].transport(device.config, options.get("profile", ""), options.get("board", ""))
+        return self._simulations[name].transport(device.config, other)
 
     def _trace(self, device: PlannedDevice, transport: Transport, *, speaks_text: bool) -> TraceFile | None:
         if self._trace_folder is None:

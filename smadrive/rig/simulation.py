@@ -21,13 +21,8 @@ class SimulatedConnections:
         self._clock = VirtualClock()
         self._clock.follow(simulated_bench.advance_to)
 
-    def transport(self, device: DeviceConfig, profile: str = "", board: str = "") -> Transport:
-        """Attach the device to the bench and return a connection to it. `profile` replaces the rig file's profile.
-
-        `board` is the kind of the reference board. ConfigError if there is no such kind.
-        """
-        if board:
-            self._simulated_bench.choose_board(board)
+    def transport(self, device: DeviceConfig, profile: str = "") -> Transport:
+        """Attach the device to the bench and return a connection to it. `profile` replaces the rig file's profile."""
         attached = self._simulated_bench.attach(load_profile(profile or device.profile), device.unit_id, device.name)
         return attached.transport(self._clock)
 

@@ -63,11 +63,8 @@ bool frame_add(struct board_frame *frame, uint8_t byte) {
     }
     ++frame->length;
     frame->crc = frame_crc(frame->crc, byte);
-    if (is_complete(frame) && frame->crc == 0) {
-        return true;
-    }
-    frame->ignored = is_complete(frame) || frame->length > LONGEST;
-    return false;
+    frame->ignored = frame->length > LONGEST || (is_complete(frame) && frame->crc != 0);
+    return is_complete(frame) && !frame->ignored;
 }
 
 bool frame_ends(const struct board_frame *frame) {

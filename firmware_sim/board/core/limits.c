@@ -31,7 +31,7 @@ void limits_apply(struct board_state *state, const struct board_hardware *hardwa
     if (state->set == 0) {
         return;
     }
-    hold(state, state->current_max, BOARD_CURRENT_MAX);
     hold(state, hardware->supply_limit, BOARD_SUPPLY);
+    hold(state, state->current_max, BOARD_CURRENT_MAX);
     hold(state, derated(state), BOARD_TEMPERATURE);
 }

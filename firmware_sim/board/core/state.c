@@ -29,8 +29,10 @@ uint8_t state_check(const struct board *board, uint16_t address, uint16_t word) 
     if (is_above_own_limit(&board->hardware, address, word)) {
         return ILLEGAL_VALUE;
     }
-    const bool needs_idle = address == REGISTER_ARM || address >= REGISTER_CURRENT_GAIN;
-    return needs_idle && board->state.mode != BOARD_IDLE ? DEVICE_FAILURE : 0u;
+    const uint8_t mode = board->state.mode;
+    const bool arms_again = address == REGISTER_ARM && mode != BOARD_IDLE;
+    const bool calibrates_armed = address >= REGISTER_CURRENT_GAIN && mode == BOARD_ARMED;
+    return arms_again || calibrates_armed ? DEVICE_FAILURE : 0u;
 }
 
 static void arm(struct board_state *state, uint32_t now_ms) {

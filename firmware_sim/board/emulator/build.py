@@ -1,32 +1,37 @@
 """Builds the emulator and the firmware with `make`, when they are needed.
 
-The results lie in folders named `build`, which git ignores. A lock file keeps two processes from building at once.
+The results lie in the user's cache folder, in a folder for each state of the sources and each set of variables.
 """
 
 from __future__ import annotations
 
-import fcntl
 import re
 import shutil
 import subprocess
+import tempfile
+from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
+from firmware_sim.board.library import cache_folder
 from firmware_sim.config import Board
 from smadrive.errors import ConfigError
 
 EMULATOR = Path(__file__).parent / "library"
 TARGET = Path(__file__).parents[1] / "atmega328p"
+CORE = TARGET.parent / "core"
 TOOLS = ("make", "gcc", "avr-gcc")
 HEADERS = (Path("/usr/include/simavr/sim_avr.h"), Path("/usr/include/libelf.h"))
+AVR_HEADER = Path("/usr/lib/avr/include/avr/io.h")
 PACKAGES = "make gcc gcc-avr avr-libc libsimavr-dev libelf-dev"
 _DEFINE = re.compile(r"^#define (\w+) (\d+)u", re.MULTILINE)
+_SOURCES = ("*.c", "*.h", "Makefile")
 
 
 def missing_tools() -> list[str]:
     """Return the programs and headers that building the emulator and the firmware needs and this computer lacks."""
     lacking = [tool for tool in TOOLS if shutil.which(tool) is None]
-    return lacking + [str(header) for header in HEADERS if not header.exists()]
+    return lacking + [str(header) for header in (*HEADERS, AVR_HEADER) if not header.exists()]
 
 
 class Range(NamedTuple):
@@ -53,7 +58,7 @@ def range_for(current_a: float) -> Range:
             where="supply_limit_a",
             value=current_a,
             limit=f"at most {ranges()[-1].supply_limit_a:g} A",
-            cure="choose a lower current, or --board python",
+            cure="choose a lower current, or the implementation python",
         )
     return fitting[0]
 
@@ -66,39 +71,50 @@ def _range_of(path: Path) -> Range:
 
 
 def emulator_library() -> Path:
-    """Return the shared library of the emulator, built if it is older than its source."""
-    _make(EMULATOR)
-    return EMULATOR / "build" / "libemulator.so"
+    """Return the shared library of the emulator, which is built if necessary. ConfigError if that fails."""
+    return _built("libemulator.so", EMULATOR, (EMULATOR,))
 
 
 def firmware_file(board: Board, *, hang_hook: bool = False) -> Path:
-    """Return the firmware for this board as an ELF file, built if it is older than its source.
+    """Return the firmware for this board as an ELF file, which is built if necessary. ConfigError if that fails.
 
     With `hang_hook` the main loop hangs while the register GPIOR0 is not zero.
     """
-    name = range_for(board.supply_limit_a).name
     counts = {
         "SUPPLY_LIMIT": round(board.supply_limit_a * 1e4),
         "TEMPERATURE_MAX": round(board.temperature_max_c * 10),
         "WATCHDOG_MS": round(board.watchdog_s * 1e3),
     }
     defines = [f"-D{key}={count}u" for key, count in counts.items()] + ["-DHANG_HOOK"] * hang_hook
-    folder = "build/" + "-".join((name, *map(str, counts.values()), *["hang"] * hang_hook))
-    _make(TARGET, f"RANGE={name}", f"BUILD={folder}", "DEFINES=" + " ".join(defines))
-    return TARGET / folder / "board.elf"
+    variables = (f"RANGE={range_for(board.supply_limit_a).name}", "DEFINES=" + " ".join(defines))
+    return _built("board.elf", TARGET, (TARGET, TARGET / "ranges", CORE), *variables)
 
 
-def _make(folder: Path, *variables: str) -> None:
+def _built(name: str, folder: Path, sources: tuple[Path, ...], *variables: str) -> Path:
+    """Return the file `name` that `make` builds in `folder` from the files in `sources`."""
+    target = cache_folder() / f"{Path(name).stem}-{_digest(sources, variables)}"
+    if not (target / name).exists():
+        _make(name, folder, variables, target)
+    return target / name
+
+
+def _digest(sources: tuple[Path, ...], variables: tuple[str, ...]) -> str:
+    files = sorted(path for folder in sources for pattern in _SOURCES for path in folder.glob(pattern))
+    return sha256(b"\0".join((*map(str.encode, variables), *(path.read_bytes() for path in files)))).hexdigest()[:16]
+
+
+def _make(name: str, folder: Path, variables: tuple[str, ...], target: Path) -> None:
     if missing := missing_tools():
         raise ConfigError(
             "the emulated board needs programs that are not installed",
             value=", ".join(missing),
             cure=f"apt-get install {PACKAGES}",
         )
-    build = folder / "build"
-    build.mkdir(exist_ok=True)
-    with (build / "lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
-        made = subprocess.run(["make", "-C", folder, *variables], capture_output=True, text=True, check=False)
-    if made.returncode:
-        raise ConfigError("make has failed", where=folder, value=made.stderr.strip(), cure="see the output of make")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent) as building:
+        command = ["make", "-s", "-C", str(folder), f"BUILD={building}", *variables]
+        made = subprocess.run(command, capture_output=True, text=True, check=False)
+        if made.returncode:
+            raise ConfigError("the emulated board cannot be built", where=folder, value=made.stderr.strip()[-2000:])
+        target.mkdir(exist_ok=True)
+        (Path(building) / name).replace(target / name)  # at once, so that no other process loads a part of it

@@ -8,6 +8,7 @@
 
 #include "board.h"
 #include "native.h"
+#include "registers.h"
 #include "target.h"
 
 static int locks;
@@ -54,4 +55,10 @@ void native_observe(const struct board *board, struct native_view *view) {
     view->commanded = state->commanded;
     view->set = state->set;
     view->output = board_source(state);
+}
+
+void native_registers(const struct board *board, uint32_t now_ms, uint16_t *words) {
+    for (uint16_t address = 0; address < NATIVE_WORDS; ++address) {
+        words[address] = register_exists(address) ? register_word(board, address, now_ms) : 0u;
+    }
 }

@@ -7,6 +7,8 @@
 
 #include "board.h"
 
+#define NATIVE_WORDS 71u
+
 /* The state of a board as plain words. */
 struct native_view {
     uint16_t faults;
@@ -24,6 +26,9 @@ size_t native_size(void);
 size_t native_receive(struct board *board, const uint8_t *bytes, size_t count, uint32_t now_ms, uint8_t *replies);
 
 size_t native_pause(struct board *board, uint32_t now_ms, uint8_t *replies);
+
+/* All words from address 0 on, 0 where no register is. */
+void native_registers(const struct board *board, uint32_t now_ms, uint16_t *words);
 
 void native_observe(const struct board *board, struct native_view *view);
 

@@ -3,9 +3,9 @@
 import pytest
 
 from firmware_sim.bench import simulated_device
-from firmware_sim.devices.board import BoardState
-from firmware_sim.devices.board_checks import BoardLimit
-from firmware_sim.devices.board_readings import BoardFault
+from firmware_sim.devices.board.checks import BoardLimit
+from firmware_sim.devices.board.firmware import BoardState
+from firmware_sim.devices.board.readings import BoardFault
 from smadrive.devices.device import Device
 from smadrive.modbus.client import ModbusClient
 

@@ -19,9 +19,9 @@ from random import Random
 
 from firmware_sim.bus.modbus_exception import DEVICE_FAILURE, ILLEGAL_VALUE, ModbusException
 from firmware_sim.config import Board
-from firmware_sim.devices.board_calibration import GAIN_ONE, BoardCalibration
-from firmware_sim.devices.board_checks import BoardLimit, CurrentCheck, sensor_faults, temperature_limit
-from firmware_sim.devices.board_readings import (
+from firmware_sim.devices.board.calibration import BoardCalibration
+from firmware_sim.devices.board.checks import BoardLimit, CurrentCheck, sensor_faults, temperature_limit
+from firmware_sim.devices.board.readings import (
     AMPERE,
     DEGREE,
     NO_TEMPERATURE,
@@ -29,26 +29,11 @@ from firmware_sim.devices.board_readings import (
     BoardFault,
     board_readings,
 )
+from firmware_sim.devices.board.scales import CONSTANTS, SCALES, SETTINGS, count_of, sequence_start
 from firmware_sim.sensors.sensors import Sensors
 
-SEQUENCES = range(0x0100, 0x10000)
 FAULTS_OF_VERSION_1 = 0x7F
-_SCALES = {
-    "watchdog_s": 1000,
-    "temperature_max": 10,
-    "current_max": AMPERE,
-    "heater_current": AMPERE,
-    "current_gain": GAIN_ONE,
-    "current_offset": AMPERE,
-    "voltage_gain": GAIN_ONE,
-    "voltage_offset": VOLT,
-    "source_gain": GAIN_ONE,
-    "source_offset": AMPERE,
-}
-"""Counts for one unit of a role that can be written; without an entry, 1."""
-_SETTINGS = ("watchdog_s", "temperature_max", "current_max")
-_CONSTANTS = tuple(role for role in _SCALES if role.endswith(("_gain", "_offset")))
-_NEED_IDLE = {"arm", "calibration_save", *_CONSTANTS}
+_NOT_ARMED = {"calibration_save", *CONSTANTS}
 
 
 class BoardState(IntEnum):
@@ -72,7 +57,7 @@ class BoardFirmware:
     ) -> None:
         self._map_version = map_version
         own = (board.watchdog_s, board.temperature_max_c, board.supply_limit_a)
-        self._own = {role: _count(role, value) for role, value in zip(_SETTINGS, own, strict=True)}
+        self._own = {role: count_of(role, value) for role, value in zip(SETTINGS, own, strict=True)}
         self._sensors = sensors
         self._log_event = log_event
         self._random = Random(seed)
@@ -85,7 +70,7 @@ class BoardFirmware:
         self.state = BoardState.IDLE
         self.faults = 0
         self.limits = 0
-        self.sequence = self._random.choice(SEQUENCES) if self._map_version > 1 else 0
+        self.sequence = sequence_start(self._random) if self._map_version > 1 else 0
         self._commanded = self._set = 0
         self.uptime_s = 0.0
         self._settings = dict(self._own)
@@ -93,7 +78,7 @@ class BoardFirmware:
         self._current_check.restart()
         stored = BoardCalibration.of_record(self.storage)
         self._calibration, self._is_calibrated = stored or BoardCalibration(), stored is not None
-        self._read_sensors()
+        self._check_all()
 
     @property
     def current_a(self) -> float:
@@ -121,23 +106,16 @@ class BoardFirmware:
         return self._settings["current_max"] / AMPERE
 
     def tick(self, dt_s: float) -> None:
-        """Run for `dt_s`: check the sensors, count the watchdog, set the current."""
+        """Run for `dt_s`: check the sensors and the watchdog, set the current."""
         self.uptime_s += dt_s
-        now_ms = self._now_ms()
-        self._read_sensors()
-        causes = self._sensor_faults()
-        causes |= self._current_check.faults(self._measured, self._set, now_ms - self._checked_ms)
-        self._checked_ms = now_ms
-        if self.state is BoardState.ARMED and now_ms - self._fed_ms >= self._settings["watchdog_s"]:
-            causes |= BoardFault.WATCHDOG.value
-        self._trip(causes)
-        self._set_current()
+        self._check_all()
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Raise ModbusException for a limit above the board's own limit, and for a write that needs the state idle."""
-        if any(_count(role, values[role]) > self._own[role] for role in _SETTINGS[1:] if role in values):
+        """Raise ModbusException for a limit above the board's own limit, and for a write that the state forbids."""
+        if any(count_of(role, values[role]) > self._own[role] for role in SETTINGS[1:] if role in values):
             raise ModbusException(ILLEGAL_VALUE)
-        if self.state is not BoardState.IDLE and not _NEED_IDLE.isdisjoint(values):
+        is_calibrated_armed = self.state is BoardState.ARMED and not _NOT_ARMED.isdisjoint(values)
+        if is_calibrated_armed or ("arm" in values and self.state is not BoardState.IDLE):
             raise ModbusException(DEVICE_FAILURE)
 
     def write(self, values: Mapping[str, float]) -> None:
@@ -145,10 +123,10 @@ class BoardFirmware:
         if values.get("sequence", self.sequence) != self.sequence:
             self.sequence = int(values["sequence"])
             self._fed_ms = self._now_ms()
-        self._settings |= {role: _count(role, values[role]) for role in _SETTINGS if role in values}
-        for role in _CONSTANTS:
+        self._settings |= {role: count_of(role, values[role]) for role in SETTINGS if role in values}
+        for role in CONSTANTS:
             if role in values:
-                self._calibration = self._calibration.changed(role, _count(role, values[role]))
+                self._calibration = self._calibration.changed(role, count_of(role, values[role]))
         if "calibration_save" in values:
             self.storage, self._is_calibrated = self._calibration.record(), True
         if "arm" in values:
@@ -161,16 +139,16 @@ class BoardFirmware:
     def quantities(self) -> dict[str, float | None]:
         """Return the values that the registers show, by role. None marks a missing reading."""
         readings, calibration = self._readings, self._calibration
-        shown: dict[str, float | None] = {role: count / _SCALES[role] for role, count in self._settings.items()}
-        for role in _CONSTANTS:
-            shown[role] = calibration.constant(role) / _SCALES[role]
+        shown: dict[str, float | None] = {role: count / SCALES[role] for role, count in self._settings.items()}
+        for role in CONSTANTS:
+            shown[role] = calibration.constant(role) / SCALES[role]
         return shown | {
             "temperature": None if readings.temperature == NO_TEMPERATURE else readings.temperature / DEGREE,
             "cold_junction": readings.cold_junction / DEGREE,
             "heater_current": self.commanded_a,
             "heater_enable": 1 if self.state is BoardState.ARMED else 0,
-            "measured_current": self._measured / AMPERE,
-            "measured_voltage": calibration.voltage.applied(readings.voltage) / VOLT,
+            "measured_current": readings.current / AMPERE,
+            "measured_voltage": readings.voltage / VOLT,
             "displacement": self._sensors.displacement_mm(),
             "status": self.state.value,
             "faults": self.faults,
@@ -185,9 +163,21 @@ class BoardFirmware:
     def _now_ms(self) -> int:
         return round(self.uptime_s * 1e6) // 1000
 
+    def _check_all(self) -> None:
+        now_ms = self._now_ms()
+        self._read_sensors()
+        causes = self._sensor_faults()
+        causes |= self._current_check.faults(self._readings.current, self._set, now_ms - self._checked_ms)
+        self._checked_ms = now_ms
+        if self.state is BoardState.ARMED and now_ms - self._fed_ms >= self._settings["watchdog_s"]:
+            causes |= BoardFault.WATCHDOG.value
+        self._trip(causes)
+        self._set_current()
+
     def _read_sensors(self) -> None:
-        self._readings = board_readings(self._sensors)
-        self._measured = self._calibration.current.applied(self._readings.current)
+        readings, calibration = board_readings(self._sensors), self._calibration
+        current, voltage = calibration.current.applied(readings.current), calibration.voltage.applied(readings.voltage)
+        self._readings = readings._replace(current=current, voltage=voltage)
 
     def _sensor_faults(self) -> int:
         faults = sensor_faults(self._readings, self._settings["temperature_max"])
@@ -213,7 +203,7 @@ class BoardFirmware:
     def _command(self, values: Mapping[str, float]) -> None:
         if self.state is not BoardState.ARMED:
             return
-        self._commanded = _count("heater_current", values.get("heater_current", self.commanded_a))
+        self._commanded = count_of("heater_current", values.get("heater_current", self.commanded_a))
         if values.get("heater_enable") == 0:
             self._leave_armed(BoardState.IDLE)
             self._log_event("disarmed")
@@ -240,11 +230,10 @@ class BoardFirmware:
         self.limits, self._set = 0, self._commanded if self.state is BoardState.ARMED else 0
         settings = self._settings
         near = temperature_limit(self._readings.temperature, settings["temperature_max"], settings["current_max"])
-        for limit, highest in zip(BoardLimit, (settings["current_max"], self._own["current_max"], near), strict=True):
+        for limit, highest in (
+            (BoardLimit.SUPPLY, self._own["current_max"]),
+            (BoardLimit.CURRENT_MAX, settings["current_max"]),
+            (BoardLimit.TEMPERATURE, near),
+        ):
             if highest is not None and self._set > highest:
                 self._set, self.limits = highest, self.limits | limit.value
-
-
-def _count(role: str, value: float) -> int:
-    """Return the count of the register with this role that stands for `value`."""
-    return round(value * _SCALES[role])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from enum import IntFlag
 
-from firmware_sim.devices.board_readings import NO_TEMPERATURE, BoardFault, BoardReadings
+from firmware_sim.devices.board.readings import NO_TEMPERATURE, BoardFault, BoardReadings
 
 DERATE = 500
 DEBOUNCE_MS = 30
