@@ -54,7 +54,7 @@ class RequestHandler(Protocol):
         ...
 
 
-class SerialLine(Protocol):
+class OwnSerialLine(Protocol):
     """The serial line of a device that reads the bytes of the line itself."""
 
     def exchange(self, data: bytes) -> list[tuple[float, bytes]]:
@@ -70,4 +70,4 @@ class DeviceParts(NamedTuple):
 
     firmware: Firmware
     responder: RequestHandler
-    serial_line: SerialLine | None = None
+    serial_line: OwnSerialLine | None = None

@@ -11,7 +11,6 @@ from emulated_board import (
     IDLE,
     SAMPLES,
     TEMPERATURE,
-    VOLTAGE,
     WIRE_OHM,
     EmulatedBoard,
     needs_emulator,
