@@ -11,6 +11,7 @@ from firmware_sim.board import library
 from firmware_sim.board.core_board import CoreBoard
 from firmware_sim.board.library import FOLDER, Hardware, Inputs, board_library
 from firmware_sim.devices.board.calibration import BoardCalibration, Correction
+from firmware_sim.devices.board.checks import BoardLimit
 from firmware_sim.devices.board.readings import BoardFault
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError
@@ -121,6 +122,15 @@ def test_main_loop_that_stands_still_is_detected(board):
     assert board.view.faults == BoardFault.SELF_TEST
 
 
+def test_without_a_temperature_no_current_flows(board):
+    ask(board, "06 00 28 41 52")
+    ask(board, "10 00 20 00 03 06 01 01 0B B8 00 01")
+    assert board.tick(Inputs(2200, 2500), 10).current == 3000
+    outputs = board.tick(Inputs(-0x8000, -0x8000, 3000), 20)
+    assert (outputs.enable, outputs.current, board.view.faults) == (True, 0, 0)
+    assert board.view.limits == BoardLimit.TEMPERATURE
+
+
 def test_calibration_is_kept_in_the_storage(board):
     assert ask(board, "10 00 40 00 06 0C 41 00 00 05 3F 00 FF FB 40 10 00 02") == "10 00 40 00 06"
     assert BoardCalibration.of_record(board.storage) == BoardCalibration()
@@ -149,6 +159,7 @@ def test_board_without_a_valid_calibration_can_be_calibrated_but_not_armed(board
 
 
 def test_missing_compiler_is_one_clear_error(monkeypatch, tmp_path):
+    monkeypatch.delenv(library.PREBUILT, raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with pytest.raises(ConfigError) as error:
@@ -158,6 +169,7 @@ def test_missing_compiler_is_one_clear_error(monkeypatch, tmp_path):
 
 
 def test_build_that_fails_is_a_config_error_and_leaves_nothing(monkeypatch, tmp_path):
+    monkeypatch.delenv(library.PREBUILT, raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("CC", "false")
     with pytest.raises(ConfigError) as error:

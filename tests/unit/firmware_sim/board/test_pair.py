@@ -1,12 +1,16 @@
 """Two implementations, one specification: the board in Python and the core in C give the same at every step."""
 
+import struct
+
 import pytest
 from board_fuzz import BoardFuzzer
 from board_machine import BoardMachine
-from board_pair import BoardPair, DifferenceError, Frames
+from board_pair import PROFILE, BoardPair, DifferenceError, Frames
 from hypothesis import settings
 from marks import exhaustive
 
+from firmware_sim.devices.board.calibration import BoardCalibration
+from firmware_sim.devices.board.readings import BoardFault
 from smadrive.modbus.framing import rtu
 
 READ_ID = rtu.seal(1, bytes.fromhex("03 00 00 00 01"))
@@ -75,3 +79,32 @@ def test_frame_search_of_the_pair_forgets_a_bad_frame_at_the_pause():
     assert [frames.take(byte) for byte in READ_ID[:-1] + b"\x00"] == [None] * 8
     assert frames.pause() is None
     assert [frames.take(byte) for byte in READ_ID][-1] == READ_ID
+
+
+def spoiled_records():
+    """Records with one constant just outside its limits, and records whose checksum is wrong."""
+    right = BoardCalibration()
+    for part in ("current", "voltage", "source"):
+        for constant, value in (("gain", 12287), ("gain", 20481), ("offset", -501), ("offset", 501)):
+            yield right.changed(f"{part}_{constant}", value).record()
+    yield from (right.record()[:-1] + b"\x00", bytes(14), b"\xff" * 14)
+
+
+@pytest.mark.parametrize("record", [*spoiled_records()], ids=bytes.hex)
+def test_record_that_is_not_valid_is_detected_by_both(record):
+    pair = BoardPair()
+    pair.restart(record)
+    assert pair.python.faults == BoardFault.SELF_TEST
+    assert pair.ask(bytes.fromhex("03 00 40 00 01")).hex() == "03024000"
+
+
+@pytest.mark.parametrize("register", [*PROFILE.registers.values()], ids=[*PROFILE.registers])
+def test_limits_of_every_register_are_the_same(register):
+    pair = BoardPair()
+    words = {0, 1, 0x7FFF, 0x8000, 0xFFFF, *register.enum}
+    for limit in (register.min, register.max) if register.writable and not register.enum else ():
+        count = round(limit / register.scale)
+        words |= {count - 1 & 0xFFFF, count & 0xFFFF, count + 1 & 0xFFFF}
+    for word in sorted(words):
+        pair.ask(struct.pack(">BHH", 6, register.address, word))
+        pair.ask(struct.pack(">BHH", 3, register.address, register.size))
