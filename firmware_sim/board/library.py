@@ -1,7 +1,7 @@
 """The shared library of the board core: built once for each state of its sources, and loaded.
 
-The library lies in the user's cache folder, under a digest of the sources. An environment variable gives more flags to
-the compiler, for sanitizers and coverage.
+The library lies in the user's cache folder, under a digest of the sources. The environment variable
+SMADRIVE_BOARD_LIBRARY names another library, built with a sanitizer or for coverage.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from pathlib import Path
 from smadrive.errors import ConfigError
 
 FOLDER = Path(__file__).parent
-FLAGS = "SMADRIVE_BOARD_CFLAGS"
+PREBUILT = "SMADRIVE_BOARD_LIBRARY"
 LIBRARY = "libboard.so"
 WORDS = 71
 """The number of addresses of the map, with those that do not exist."""
@@ -87,11 +87,7 @@ def missing_tool() -> str | None:
 @cache
 def board_library() -> ctypes.CDLL:
     """Return the library, which is built if necessary. ConfigError if a tool is missing or the build fails."""
-    flags = os.environ.get(FLAGS, "")
-    folder = cache_folder() / f"board-{_digest(flags)}"
-    if not (folder / LIBRARY).exists():
-        _build(folder, flags)
-    library = ctypes.CDLL(str(folder / LIBRARY))
+    library = ctypes.CDLL(os.environ.get(PREBUILT) or str(_built()))
     _declare(library)
     return library
 
@@ -101,27 +97,35 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "smadrive"
 
 
-def _digest(flags: str) -> str:
+def _built() -> Path:
+    path = cache_folder() / f"board-{_digest()}" / LIBRARY
+    if not path.exists():
+        _build(path)
+    return path
+
+
+def _digest() -> str:
     sources = sorted(path for part in ("core", "native") for path in (FOLDER / part).iterdir() if path.is_file())
-    return sha256(b"\0".join((flags.encode(), *(path.read_bytes() for path in sources)))).hexdigest()[:16]
+    return sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()[:16]
 
 
-def _build(folder: Path, flags: str) -> None:
+def _build(path: Path) -> None:
     if (tool := missing_tool()) is not None:
         raise ConfigError(
             "the board core cannot be built",
             where=f"program '{tool}'",
             value="not found",
-            cure="apt-get install gcc make",
+            cure="install it (Debian packages gcc and make), or use the implementation python",
         )
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent) as building:
-        command = ["make", "-s", "-C", str(FOLDER / "native"), "library", f"BUILD={building}", f"EXTRA_CFLAGS={flags}"]
+    cache_folder = path.parent.parent
+    cache_folder.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=cache_folder) as building:
+        command = ["make", "-s", "-C", str(FOLDER / "native"), "library", f"BUILD={building}"]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise ConfigError("the board core cannot be built", where=str(FOLDER), value=done.stderr.strip()[-2000:])
-        folder.mkdir(exist_ok=True)
-        (Path(building) / LIBRARY).replace(folder / LIBRARY)  # at once, so that no other process loads a part of it
+        path.parent.mkdir(exist_ok=True)
+        (Path(building) / LIBRARY).replace(path)  # at once, so that no other process loads a part of it
 
 
 def _declare(library: ctypes.CDLL) -> None:

@@ -26,32 +26,26 @@ bool register_exists(uint16_t address) {
     return false;
 }
 
-bool register_writable(uint16_t address) {
-    switch (address) {
-#define ROW(name, first, type, access, lowest, highest)                                                               \
-    case (first):                                                                                                     \
-        return IS_WRITABLE_##access;
-        BOARD_REGISTERS(ROW)
-#undef ROW
-        default:
-            return false;
-    }
-}
-
 static bool is_within(int32_t number, int32_t lowest, int32_t highest) {
     return number >= lowest && number <= highest;
 }
 
-bool register_accepts(uint16_t address, uint16_t word) {
+uint8_t register_check(uint16_t address, uint16_t word) {
+    bool is_accepted = false;
     switch (address) {
 #define ROW(name, first, type, access, lowest, highest)                                                               \
     case (first):                                                                                                     \
-        return is_within(NUMBER_##type(word), (lowest), (highest));
+        if (!IS_WRITABLE_##access) {                                                                                  \
+            return EXCEPTION_ADDRESS;                                                                                 \
+        }                                                                                                             \
+        is_accepted = is_within(NUMBER_##type(word), (lowest), (highest));                                            \
+        break;
         BOARD_REGISTERS(ROW)
 #undef ROW
         default:
-            return false;
+            return EXCEPTION_ADDRESS;
     }
+    return is_accepted ? EXCEPTION_NONE : EXCEPTION_VALUE;
 }
 
 static uint16_t high_word(uint32_t number) { return (uint16_t)(number >> 16); }

@@ -10,6 +10,7 @@
 #include <stdint.h>
 
 #include "board.h"
+#include "exceptions.h"
 
 #define BOARD_DEVICE_ID 0x534Du
 #define BOARD_MAP_VERSION 2u
@@ -58,10 +59,9 @@ enum register_address { BOARD_REGISTERS(REGISTER_ADDRESS) };
 #undef REGISTER_ADDRESS
 
 bool register_exists(uint16_t address);
-bool register_writable(uint16_t address);
 
-/* True if a client may write `word`. The board's own limits and its state are checked by state_check. */
-bool register_accepts(uint16_t address, uint16_t word);
+/* Returns the exception of writing `word`, or EXCEPTION_NONE. state_check judges the board's own limits and its state. */
+uint8_t register_check(uint16_t address, uint16_t word);
 
 /* The word at an address that exists. Call it between board_lock and board_unlock. */
 uint16_t register_word(const struct board *board, uint16_t address, uint32_t now_ms);

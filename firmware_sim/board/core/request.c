@@ -10,11 +10,7 @@
 #include "state.h"
 #include "target.h"
 
-#define DONE 0u
-#define ILLEGAL_FUNCTION 1u
-#define ILLEGAL_ADDRESS 2u
-#define ILLEGAL_VALUE 3u
-#define EXCEPTION 0x80u
+#define EXCEPTION_BIT 0x80u
 
 #define MAX_READ 125u
 #define MAX_WRITTEN 123u
@@ -36,29 +32,36 @@ static void put_word(uint8_t *bytes, uint16_t word) {
 
 static bool is_quantity(uint16_t count, uint16_t most) { return count >= 1 && count <= most; }
 
-static bool all_are(bool (*is)(uint16_t address), uint16_t first, uint16_t count) {
+static bool all_exist(uint16_t first, uint16_t count) {
     for (uint16_t at = 0; at < count; ++at) {
-        if (!is((uint16_t)(first + at))) {
+        if (!register_exists((uint16_t)(first + at))) {
             return false;
         }
     }
     return true;
 }
 
-static bool are_accepted(const struct written *written) {
+/* An address comes before a value. Only the first words are in the frame; no more than seven can be written, so the
+ * check ends before the others. */
+static uint8_t check_registers(const struct written *written) {
+    uint8_t code = EXCEPTION_NONE;
     for (uint16_t at = 0; at < written->count; ++at) {
-        if (!register_accepts((uint16_t)(written->first + at), word_at(&written->words[2u * at]))) {
-            return false;
+        const uint8_t found = register_check((uint16_t)(written->first + at), word_at(&written->words[2u * at]));
+        if (found == EXCEPTION_ADDRESS) {
+            return found;
+        }
+        if (found != EXCEPTION_NONE) {
+            code = found;
         }
     }
-    return true;
+    return code;
 }
 
 /* Between board_lock and board_unlock. */
 static uint8_t check_and_write(struct board *board, const struct written *written, uint32_t now_ms) {
     for (uint16_t at = 0; at < written->count; ++at) {
         const uint8_t code = state_check(board, (uint16_t)(written->first + at), word_at(&written->words[2u * at]));
-        if (code != DONE) {
+        if (code != EXCEPTION_NONE) {
             return code;
         }
     }
@@ -66,15 +69,13 @@ static uint8_t check_and_write(struct board *board, const struct written *writte
         state_write(board, (uint16_t)(written->first + at), word_at(&written->words[2u * at]), now_ms);
     }
     limits_apply(&board->state, &board->hardware);
-    return DONE;
+    return EXCEPTION_NONE;
 }
 
 static uint8_t write_words(struct board *board, const struct written *written, uint32_t now_ms) {
-    if (!all_are(register_writable, written->first, written->count)) {
-        return ILLEGAL_ADDRESS;
-    }
-    if (!are_accepted(written)) {
-        return ILLEGAL_VALUE;
+    const uint8_t checked = check_registers(written);
+    if (checked != EXCEPTION_NONE) {
+        return checked;
     }
     board_lock();
     const uint8_t code = check_and_write(board, written, now_ms);
@@ -95,20 +96,20 @@ static uint8_t put_registers(struct board *board, uint16_t first, uint16_t count
     return (uint8_t)(3u + 2u * count);
 }
 
-/* Each of these returns an exception code, or DONE and the length of the reply with its unit id. */
+/* Each of these returns an exception code, or EXCEPTION_NONE and the length of the reply with its unit id. */
 
 static uint8_t read_registers(struct board *board, uint32_t now_ms, uint8_t *length) {
     const uint8_t *pdu = &board->frame.bytes[1];
     const uint16_t first = word_at(&pdu[1]);
     const uint16_t count = word_at(&pdu[3]);
     if (!is_quantity(count, MAX_READ)) {
-        return ILLEGAL_VALUE;
+        return EXCEPTION_VALUE;
     }
-    if (!all_are(register_exists, first, count)) {
-        return ILLEGAL_ADDRESS;
+    if (!all_exist(first, count)) {
+        return EXCEPTION_ADDRESS;
     }
     *length = put_registers(board, first, count, now_ms);
-    return DONE;
+    return EXCEPTION_NONE;
 }
 
 static uint8_t write_register(struct board *board, uint32_t now_ms, uint8_t *length) {
@@ -122,7 +123,7 @@ static uint8_t write_registers(struct board *board, uint32_t now_ms, uint8_t *le
     const uint8_t *pdu = &board->frame.bytes[1];
     const struct written written = {word_at(&pdu[1]), word_at(&pdu[3]), &pdu[6]};
     if (!is_quantity(written.count, MAX_WRITTEN) || pdu[5] != 2u * written.count) {
-        return ILLEGAL_VALUE;
+        return EXCEPTION_VALUE;
     }
     *length = 6;
     return write_words(board, &written, now_ms);
@@ -132,7 +133,7 @@ static uint8_t mask_write(struct board *board, uint32_t now_ms, uint8_t *length)
     const uint8_t *pdu = &board->frame.bytes[1];
     const uint16_t address = word_at(&pdu[1]);
     if (!register_exists(address)) {
-        return ILLEGAL_ADDRESS;
+        return EXCEPTION_ADDRESS;
     }
     board_lock();
     const uint16_t word = register_word(board, address, now_ms);
@@ -152,13 +153,13 @@ static uint8_t exchange(struct board *board, uint32_t now_ms, uint8_t *length) {
     const struct written written = {word_at(&pdu[5]), word_at(&pdu[7]), &pdu[10]};
     if (!is_quantity(count, MAX_READ) || !is_quantity(written.count, MAX_EXCHANGE_WRITTEN) ||
         pdu[9] != 2u * written.count) {
-        return ILLEGAL_VALUE;
+        return EXCEPTION_VALUE;
     }
-    if (!all_are(register_exists, first, count)) {
-        return ILLEGAL_ADDRESS;
+    if (!all_exist(first, count)) {
+        return EXCEPTION_ADDRESS;
     }
     const uint8_t code = write_words(board, &written, now_ms);
-    if (code == DONE) {
+    if (code == EXCEPTION_NONE) {
         *length = put_registers(board, first, count, now_ms);
     }
     return code;
@@ -167,9 +168,9 @@ static uint8_t exchange(struct board *board, uint32_t now_ms, uint8_t *length) {
 static uint8_t loop_back(const struct board *board, uint8_t *length) {
     *length = 6;
     if (word_at(&board->frame.bytes[2]) != 0) {
-        return ILLEGAL_FUNCTION;
+        return EXCEPTION_FUNCTION;
     }
-    return DONE;
+    return EXCEPTION_NONE;
 }
 
 static uint8_t carry_out(struct board *board, uint32_t now_ms, uint8_t *length) {
@@ -187,17 +188,17 @@ static uint8_t carry_out(struct board *board, uint32_t now_ms, uint8_t *length) 
         case EXCHANGE:
             return exchange(board, now_ms, length);
         default:
-            return ILLEGAL_FUNCTION;
+            return EXCEPTION_FUNCTION;
     }
 }
 
 uint8_t request_answer(struct board *board, uint32_t now_ms) {
     uint8_t length = 0;
     const uint8_t code = carry_out(board, now_ms, &length);
-    if (code == DONE) {
+    if (code == EXCEPTION_NONE) {
         return length;
     }
-    board->frame.bytes[1] |= EXCEPTION;
+    board->frame.bytes[1] |= EXCEPTION_BIT;
     board->frame.bytes[2] = code;
     return 3;
 }

@@ -4,9 +4,6 @@
 #include "registers.h"
 #include "sensor_checks.h"
 
-#define ILLEGAL_VALUE 3u
-#define DEVICE_FAILURE 4u
-
 void state_leave_armed(struct board_state *state, uint8_t mode) {
     state->commanded = 0;
     state->set = 0;
@@ -27,12 +24,12 @@ static bool is_above_own_limit(const struct board_hardware *hardware, uint16_t a
 
 uint8_t state_check(const struct board *board, uint16_t address, uint16_t word) {
     if (is_above_own_limit(&board->hardware, address, word)) {
-        return ILLEGAL_VALUE;
+        return EXCEPTION_VALUE;
     }
     const uint8_t mode = board->state.mode;
     const bool arms_again = address == REGISTER_ARM && mode != BOARD_IDLE;
     const bool calibrates_armed = address >= REGISTER_CURRENT_GAIN && mode == BOARD_ARMED;
-    return arms_again || calibrates_armed ? DEVICE_FAILURE : 0u;
+    return arms_again || calibrates_armed ? EXCEPTION_STATE : EXCEPTION_NONE;
 }
 
 static void arm(struct board_state *state, uint32_t now_ms) {

@@ -13,8 +13,8 @@ void state_leave_armed(struct board_state *state, uint8_t mode);
 /* Latches `causes`: any of them leads to the state fault. */
 void state_trip(struct board_state *state, uint16_t causes);
 
-/* Returns the Modbus exception of writing `word` to a register that accepts it: 0, or 3 above a limit of the board, or
- * 4 if the state does not allow it. */
+/* Returns the exception of writing `word` to a register that accepts it: EXCEPTION_VALUE above a limit of the board,
+ * EXCEPTION_STATE if the state does not allow it, or EXCEPTION_NONE. */
 uint8_t state_check(const struct board *board, uint16_t address, uint16_t word);
 
 /* Carries out a write that state_check allowed. limits_apply must follow. */
