@@ -45,7 +45,7 @@ def right_requests(random: Random) -> Iterator[bytes]:
 
 
 def spoiled(frame: bytes, random: Random) -> bytes:
-    """Return the frame with one mistake, whose CRC is wrong."""
+    """Return the frame with one mistake, which makes its CRC wrong."""
     while True:
         wrong = bytearray(frame)
         at = random.randrange(len(wrong))
@@ -60,8 +60,14 @@ def spoiled(frame: bytes, random: Random) -> bytes:
                 wrong.insert(at, random.randrange(256))
             case 4:
                 wrong[at:] = random.randbytes(len(wrong) - at)
-        if not rtu.crc_holds(bytes(wrong)):
+        if not begins_with_a_request(bytes(wrong)):
             return bytes(wrong)
+
+
+def begins_with_a_request(data: bytes) -> bool:
+    """Return True if the data, or their beginning, are a right frame, which the board carries out."""
+    size = rtu.request_size(data)
+    return rtu.crc_holds(data) or bool(size and rtu.crc_holds(data[:size]))
 
 
 class Fuzz:

@@ -1,7 +1,8 @@
 /* Interrupts of USART0 and timer 2. ATmega328P data sheet (Microchip DS40002061), chapters "USART0" and "TC2".
  *
  * UBRR0 = 16 with U2X0 gives 117647 bits/s, 2.1 % above 115200, as on every Arduino with 16 MHz. Timer 2 counts 8 us
- * (16 MHz / 128); 219 counts are the pause of 1.75 ms. Each byte restarts it.
+ * (16 MHz / 128); 219 counts are the pause of 1.75 ms. Each byte restarts it. The safety interrupt may keep the main loop
+ * from running until the next byte has come, so a pause is kept with the byte that ends it.
  */
 #include "line.h"
 
@@ -12,7 +13,7 @@
 #define SEND_SIZE 64u
 #define PAUSE_COUNTS 219u
 
-static volatile uint8_t received[RECEIVE_SIZE];
+static volatile uint16_t received[RECEIVE_SIZE]; /* bytes, with LINE_PAUSE */
 static volatile uint8_t received_in, received_out;
 static volatile uint8_t sent[SEND_SIZE];
 static volatile uint8_t sent_in, sent_out;
@@ -20,7 +21,7 @@ static volatile bool paused;
 
 ISR(USART_RX_vect)
 {
-    uint8_t byte = UDR0;
+    uint16_t byte = UDR0 | (paused ? LINE_PAUSE : 0u);
     uint8_t next = (received_in + 1u) & (RECEIVE_SIZE - 1u);
     TCNT2 = 0;
     TIFR2 = _BV(OCF2A);
@@ -61,7 +62,7 @@ int16_t line_read(void)
     uint8_t out = received_out;
     if (out == received_in)
         return -1;
-    uint8_t byte = received[out];
+    int16_t byte = (int16_t)received[out];
     received_out = (out + 1u) & (RECEIVE_SIZE - 1u);
     return byte;
 }

@@ -7,10 +7,13 @@
 
 void line_begin(void);
 
-/* The oldest byte that has arrived, or -1. */
+#define LINE_PAUSE 0x100 /* set in a byte before which the line was silent for 1.75 ms */
+#define LINE_BYTE 0xFF
+
+/* The oldest byte that has arrived, perhaps with LINE_PAUSE, or -1. */
 int16_t line_read(void);
 
-/* True once after a silence of 1.75 ms, when no byte is left to read. */
+/* True once after a silence of 1.75 ms that no byte has followed yet. */
 bool line_take_pause(void);
 
 /* True when line_read or line_take_pause has something. Call it with interrupts disabled. */

@@ -40,13 +40,21 @@ static bool test_hardware(void)
     return memory_is_good() && meters_test();
 }
 
+static void serve_pause(void)
+{
+    line_send(board.frame.bytes, board_pause(&board, safety_now_ms()));
+}
+
 static void serve_line(void)
 {
     int16_t byte;
-    while ((byte = line_read()) >= 0)
-        line_send(board.frame.bytes, board_receive(&board, (uint8_t)byte, safety_now_ms()));
+    while ((byte = line_read()) >= 0) {
+        if (byte & LINE_PAUSE)
+            serve_pause();
+        line_send(board.frame.bytes, board_receive(&board, (uint8_t)(byte & LINE_BYTE), safety_now_ms()));
+    }
     if (line_take_pause())
-        line_send(board.frame.bytes, board_pause(&board, safety_now_ms()));
+        serve_pause();
 }
 
 static void serve_storage(void)

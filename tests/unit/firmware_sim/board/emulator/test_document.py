@@ -33,3 +33,16 @@ def test_frame_ends_at_the_pause():
     assert board.send(frame[:5]) == []  # the exchange waits 10 ms
     assert board.send(frame[5:]) == []
     assert board.read(0, 2) == [0x534D, 2]
+
+
+def test_pause_counts_although_the_interrupt_delays_the_main_loop():
+    """The first byte of a frame, a pause, and the other bytes are no frame, at any phase of the safety interrupt."""
+    board = EmulatedBoard()
+    frame = rtu.seal(UNIT_ID, bytes.fromhex("03 00 00 00 02"))
+    for _ in range(50):
+        board.chip.send(frame[:1])
+        board.run(0.0021)
+        board.chip.send(frame[1:])
+        board.run(0.0081)
+        assert board.chip.receive() == []
+    assert board.read(0, 2) == [0x534D, 2]
