@@ -30,6 +30,10 @@ NETS = {
 }
 
 
+CONVERTER_NETS = ("DRDY", "CS", "SDI", "SDO", "SCK")
+BUS_NETS = (*CONVERTER_NETS, "SDA", "SCL")
+
+
 def pins(side, names):
     """The pins of one side of a chip, from top to bottom."""
     count = len(names)
@@ -42,147 +46,145 @@ def net(drawing, at, name, theta):
     drawing.add(elm.Tag(width=1.5).theta(theta).label(name, fontsize=9))
 
 
+def chip(drawing, at, label, left, right, size, spacing=0.9):
+    """A chip with the corner at the lower left at `at`."""
+    sides = [*pins("L", left), *pins("R", right)]
+    part = elm.Ic(pins=sides, size=size, pinspacing=spacing).theta(0).at(at)
+    drawn = drawing.add(part.label(label, "top", fontsize=11))
+    for name in left:
+        if name in BUS_NETS:
+            net(drawing, getattr(drawn, name), name, 180)
+    return drawn
+
+
+def part(drawing, element, at, direction, length, label, side="top"):
+    """A part with two terminals, with its label. Returns its end."""
+    drawn = getattr(element.at(at), direction)(length).label(label, side, fontsize=9)
+    return drawing.add(drawn).end
+
+
+def dot(drawing, at):
+    """A junction."""
+    drawing.add(elm.Dot().at(at))
+
+
+def line(drawing, *points):
+    """A wire through the points."""
+    for start, end in zip(points, points[1:], strict=False):
+        drawing.add(elm.Line().at(start).to(end))
+
+
+def ground(drawing, at):
+    """A ground symbol."""
+    drawing.add(elm.Ground().theta(0).at(at))
+
+
+def supply(drawing, at, name):
+    """A supply symbol."""
+    drawing.add(elm.Vdd().theta(0).at(at).label(name, fontsize=9))
+
+
 def nano(drawing):
     """The Arduino Nano."""
-    chip = drawing.add(
-        elm.Ic(pins=[*pins("L", NANO_LEFT), *pins("R", NANO_RIGHT)], size=(3.6, 5.6), pinspacing=0.9)
-        .at((0, 0))
-        .label("U1 Arduino Nano\nATmega328P", "top", fontsize=11)
-    )
+    drawn = chip(drawing, (0, 0), "U1 Arduino Nano\nATmega328P", NANO_LEFT, NANO_RIGHT, (3.6, 5.6))
     for name in NANO_LEFT:
-        net(drawing, getattr(chip, name), NETS[name], 180)
+        net(drawing, getattr(drawn, name), NETS[name], 180)
     for name in NANO_RIGHT:
-        net(drawing, getattr(chip, name), NETS[name], 0)
+        net(drawing, getattr(drawn, name), NETS[name], 0)
 
 
 def converter(drawing):
     """The thermocouple converter, the bead, and the resistor that makes an open thermocouple read high."""
-    names = ("DRDY", "CS", "SDI", "SDO", "SCK")
-    chip = drawing.add(
-        elm.Ic(pins=[*pins("L", names), *pins("R", ("T+", "T-"))], size=(2.8, 4.6), pinspacing=0.9)
-        .at((8.6, 0.6))
-        .label("U2 MAX31856\nbreakout, 3.3 V", "top", fontsize=11)
-    )
-    for name in names:
-        net(drawing, getattr(chip, name), name, 180)
-    plus, minus = chip["T+"], chip["T-"]
-    drawing.add(elm.Line().at(plus).right(1.0))
-    drawing.add(elm.Dot())
-    node = drawing.here
-    drawing.add(elm.Resistor().at(node).up(2.0).label("R1 10 MΩ", "bottom", fontsize=9))
-    drawing.add(elm.Vdd().label("3.3 V", fontsize=9))
-    drawing.add(elm.Line().at(node).right(2.2))
-    bead = drawing.here
-    drawing.add(elm.Line().at(minus).right(3.2))
-    drawing.add(elm.Line().at(drawing.here).toy(bead))
-    drawing.add(elm.Dot(radius=0.13).at(bead).label("type K,\nbead insulated\nfrom the wire", "right", fontsize=9))
-    drawing.add(elm.Resistor().at((node[0] - 4.9, -1.2)).right(1.8).label("R2 10 kΩ", "bottom", fontsize=9))
-    drawing.add(elm.Vdd().at(drawing.here).label("3.3 V", fontsize=9))
-    net(drawing, (node[0] - 4.9, -1.2), "SDO", 180)
+    drawn = chip(drawing, (9.4, 0.4), "U2 MAX31856\nbreakout, 3.3 V", CONVERTER_NETS, ("T+", "T-"), (2.8, 4.8))
+    plus, minus = drawn["T+"], drawn["T-"]
+    node = (plus[0] + 1.0, plus[1])
+    bead = (plus[0] + 3.0, (plus[1] + minus[1]) / 2)
+    line(drawing, plus, (bead[0] - 0.4, plus[1]), bead, (bead[0] - 0.4, minus[1]), minus)
+    dot(drawing, node)
+    supply(drawing, part(drawing, elm.Resistor(), node, "up", 2.0, "R1 10 MΩ", "bottom"), "3.3 V")
+    drawing.add(elm.Dot(radius=0.14).at(bead).label("type K, bead\ninsulated from\nthe wire", "right", fontsize=9))
 
 
 def inputs(drawing):
-    """Emergency stop, jumper, displacement, enable pull-down, bus pull-ups."""
-    y = -3.2
-    net(drawing, (0.2, y), "ESTOP", 180)
-    drawing.add(elm.Button(nc=True).at((0.2, y)).right(1.8).label("S1 emergency stop", "top", fontsize=9))
-    drawing.add(elm.Ground())
-    net(drawing, (0.2, y - 1.7), "JUMPER", 180)
-    drawing.add(elm.Switch().at((0.2, y - 1.7)).right(1.8).label("J1 displacement fitted", "top", fontsize=9))
-    drawing.add(elm.Ground())
-    net(drawing, (0.2, y - 3.4), "EN", 180)
-    drawing.add(elm.Resistor().at((0.2, y - 3.4)).right(1.8).label("R3 10 kΩ", "top", fontsize=9))
-    drawing.add(elm.Ground())
-    for x, name, resistor in ((6.6, "SDA", "R4 2.2 kΩ"), (6.6, "SCL", "R5 2.2 kΩ")):
-        level = y if name == "SDA" else y - 1.7
-        net(drawing, (x, level), name, 180)
-        drawing.add(elm.Resistor().at((x, level)).right(1.8).label(resistor, "top", fontsize=9))
-        drawing.add(elm.Vdd().label("5V_A", fontsize=9))
-    net(drawing, (6.6, y - 3.4), "DISP", 180)
-    drawing.add(elm.Dot())
-    drawing.add(elm.Resistor().at((6.6, y - 3.4)).right(2.2).label("R6 39 kΩ", "top", fontsize=9))
-    drawing.add(elm.Dot(open=True).label("sensor 0–5 V", "right", fontsize=9))
-    drawing.add(elm.Resistor().at((6.6, y - 3.4)).down(1.8).label("R7 10 kΩ", "bottom", fontsize=9))
-    drawing.add(elm.Ground())
+    """Emergency stop, jumper, pull-up and pull-down resistors, divider of the displacement."""
+    rows = (
+        ((0.5, -2.6), "ESTOP", elm.Button(nc=True), "S1 emergency stop, pole 1", None),
+        ((0.5, -4.4), "JUMPER", elm.Switch(), "J1 displacement fitted", None),
+        ((0.5, -6.2), "EN", elm.Resistor(), "R3 10 kΩ", None),
+        ((7.0, -2.6), "SDA", elm.Resistor(), "R4 2.2 kΩ", "5V_A"),
+        ((7.0, -4.4), "SCL", elm.Resistor(), "R5 2.2 kΩ", "5V_A"),
+        ((13.0, -2.6), "SDO", elm.Resistor(), "R2 10 kΩ", "3.3 V"),
+    )
+    for at, name, element, label, level in rows:
+        net(drawing, at, name, 180)
+        end = part(drawing, element, at, "right", 1.8, label)
+        if level is None:
+            ground(drawing, end)
+        else:
+            supply(drawing, end, level)
+    at = (13.0, -4.4)
+    net(drawing, at, "DISP", 180)
+    dot(drawing, at)
+    end = part(drawing, elm.Resistor(), at, "right", 2.0, "R6 39 kΩ")
+    drawing.add(elm.Dot(open=True).at(end).label("sensor 0 to 5 V", "right", fontsize=9))
+    ground(drawing, part(drawing, elm.Resistor(), at, "down", 1.6, "R7 10 kΩ", "bottom"))
 
 
 def sink(drawing):
-    """The current sink: DAC, divider, op-amp, enable switch, MOSFET."""
-    y = -11.5
-    dac = drawing.add(
-        elm.Ic(pins=[*pins("L", ("SDA", "SCL")), *pins("R", ("OUT",))], size=(2.4, 2.2), pinspacing=0.9)
-        .at((0, y - 1.1))
-        .label("U3 MCP4725\nVDD = 5V_A", "top", fontsize=11)
-    )
-    for name in ("SDA", "SCL"):
-        net(drawing, getattr(dac, name), name, 180)
-    drawing.add(elm.Resistor().at(dac.OUT).right(2.4).label("R8 82 kΩ", "top", fontsize=9))
-    drawing.add(elm.Dot())
-    divided = drawing.here
-    drawing.add(elm.Resistor().at(divided).down(2.4).label("R9 10 kΩ", "bottom", fontsize=9))
-    drawing.add(elm.Ground())
-    drawing.add(elm.Line().at(divided).right(1.2))
-    amp = drawing.add(elm.Opamp(leads=True).flip().anchor("in2").label("U4\nMCP6022", "center", fontsize=8))
-    switch = drawing.add(elm.Switch().at(amp.out).right(2.2).label("U5 74HC4066", "top", fontsize=9))
-    drawing.add(elm.Line(ls=":").at((switch.center[0], switch.center[1] - 0.1)).down(1.4))
-    drawing.add(elm.Label().label("EN closes", fontsize=9).at((switch.center[0] + 0.1, switch.center[1] - 1.9)))
-    drawing.add(elm.Resistor().at(switch.end).right(1.8).label("R10 100 Ω", "top", fontsize=9))
-    drawing.add(elm.Dot())
-    gate = drawing.here
-    drawing.add(elm.Resistor().at(gate).down(2.2).label("R11 10 kΩ", "bottom", fontsize=9))
-    drawing.add(elm.Ground())
-    drawing.add(elm.Line().at(gate).right(0.8))
-    fet = drawing.add(elm.NFet(bulk=False).anchor("gate").theta(0).label("Q1 IRLZ44N", "right", fontsize=9))
-    drawing.add(elm.Line().at(fet.source).down(0.6))
-    drawing.add(elm.Dot())
-    sense = drawing.here
-    drawing.add(elm.Resistor().at(sense).down(2.2).label("R13 0.5 Ω 2 W", "bottom", fontsize=9))
-    drawing.add(elm.Ground())
-    below = (amp.in1[0] - 0.4, sense[1] - 2.9)
-    drawing.add(elm.Line().at(sense).right(1.2))
-    drawing.add(elm.Line().down(2.9))
-    drawing.add(elm.Resistor().at(drawing.here).left(2.4).label("R12 1 kΩ", "bottom", fontsize=9))
-    drawing.add(elm.Line().tox(below))
-    drawing.add(elm.Line().toy(amp.in1))
-    drawing.add(elm.Line().tox(amp.in1))
+    """The current sink: DAC, divider, op-amp, enable switch, MOSFET. Returns drain and source resistor's top."""
+    dac = chip(drawing, (0, -20.0), "U3 MCP4725\nVDD = 5V_A", ("SDA", "SCL"), ("OUT",), (2.4, 2.2))
+    divided = part(drawing, elm.Resistor(), dac.OUT, "right", 2.2, "R8 82 kΩ")
+    dot(drawing, divided)
+    ground(drawing, part(drawing, elm.Resistor(), divided, "down", 2.0, "R9 10 kΩ", "top"))
+    plus = (divided[0] + 1.4, divided[1])
+    line(drawing, divided, plus)
+    amp = drawing.add(elm.Opamp().theta(0).flip().at(plus).anchor("in2").label("U4\nMCP6022", "center", fontsize=8))
+    opened = part(drawing, elm.Switch(), amp.out, "right", 2.0, "U5 74HC4066")
+    drawing.add(elm.Label().at((amp.out[0] + 1.0, amp.out[1] - 0.6)).label("closed by EN", fontsize=9))
+    gate = part(drawing, elm.Resistor(), opened, "right", 1.8, "R10 100 Ω")
+    dot(drawing, gate)
+    ground(drawing, part(drawing, elm.Resistor(), gate, "down", 1.8, "R11 10 kΩ", "bottom"))
+    line(drawing, gate, (gate[0] + 1.6, gate[1]))
+    fet = drawing.add(elm.NFet().theta(0).reverse().at((gate[0] + 1.6, gate[1])).anchor("gate"))
+    drawing.add(elm.Label().at((fet.drain[0] + 1.3, gate[1])).label("Q1 IRLZ44N", fontsize=9))
+    sense = (fet.source[0], fet.source[1] - 1.4)
+    line(drawing, fet.source, sense)
+    dot(drawing, sense)
+    ground(drawing, part(drawing, elm.Resistor(), sense, "down", 2.0, "R13 0.5 Ω 2 W", "bottom"))
+    back = (sense[0] - 3.4, sense[1] - 2.6)
+    line(drawing, sense, (sense[0] - 0.9, sense[1]), (sense[0] - 0.9, back[1]))
+    end = part(drawing, elm.Resistor(), (sense[0] - 0.9, back[1]), "left", 2.5, "R12 1 kΩ", "bottom")
+    line(drawing, end, (amp.in1[0] - 0.5, back[1]), (amp.in1[0] - 0.5, amp.in1[1]), amp.in1)
+    below = amp.in1[1] - 1.1
+    line(drawing, amp.out, (amp.out[0], below))
+    end = part(drawing, elm.Capacitor(), (amp.out[0], below), "left", 2.0, "C1 1 nF", "bottom")
+    line(drawing, end, (amp.in1[0] - 0.5, below))
+    for at in (amp.out, (amp.in1[0] - 0.5, below)):
+        dot(drawing, at)
     return fet.drain
 
 
 def meters(drawing, drain):
     """The wire, its supply, and the two meters."""
-    drawing.add(elm.Line().at(drain).up(1.0))
-    drawing.add(elm.Dot())
-    low = drawing.here
-    drawing.add(elm.Resistor().at(low).up(3.0).label("SMA wire", "bottom", fontsize=10))
-    drawing.add(elm.Dot())
-    top = drawing.here
-    drawing.add(elm.Resistor().at(top).up(2.4).label("R14 0.05 Ω 1 %", "bottom", fontsize=9))
-    drawing.add(elm.Dot())
-    high = drawing.here
-    drawing.add(elm.Fuse().at(high).up(2.2).label("F1 2 A", "bottom", fontsize=9))
-    drawing.add(elm.Vdd().label("V+ 9 to 30 V, through the second pole of S1", fontsize=9))
-    upper = drawing.add(
-        elm.Ic(pins=[*pins("R", ("IN+", "IN-", "VBUS")), *pins("L", ("SDA", "SCL"))], size=(2.4, 3.0), pinspacing=1.0)
-        .at((high[0] - 6.4, top[1] - 0.5))
-        .label("U6 INA226\naddress 0x40", "top", fontsize=11)
+    x = drain[0]
+    low, top, high = (x, -14.6), (x, -12.0), (x, -9.4)
+    line(drawing, drain, low)
+    for at in (low, top, high):
+        dot(drawing, at)
+    part(drawing, elm.Resistor(), low, "up", 2.6, "SMA wire", "bottom")
+    part(drawing, elm.Resistor(), top, "up", 2.6, "R14 0.05 Ω 1 %", "bottom")
+    supply(drawing, part(drawing, elm.Fuse(), high, "up", 1.8, "F1 2 A", "bottom"), "V+ through pole 2 of S1")
+    upper = chip(
+        drawing, (x - 8.0, -12.9), "U6 INA226\naddress 0x40", ("SDA", "SCL"), ("IN+", "IN-", "VBUS"), (2.6, 3.2)
     )
-    drawing.add(elm.Line().at(upper["IN+"]).tox(high[0] - 2.2))
-    drawing.add(elm.Line().toy(high))
-    drawing.add(elm.Line().tox(high))
-    for name in ("IN-", "VBUS"):
-        drawing.add(elm.Line().at(upper[name]).tox(high[0] - 1.6))
-        drawing.add(elm.Line().toy(top))
-    drawing.add(elm.Line().at((high[0] - 1.6, top[1])).tox(top))
-    lower = drawing.add(
-        elm.Ic(pins=[*pins("R", ("VBUS",)), *pins("L", ("SDA", "SCL"))], size=(2.4, 2.0), pinspacing=0.9)
-        .at((high[0] - 6.4, low[1] - 1.0))
-        .label("U7 INA226\naddress 0x41", "top", fontsize=11)
-    )
-    drawing.add(elm.Line().at(lower.VBUS).tox(low))
-    for chip in (upper, lower):
-        for name in ("SDA", "SCL"):
-            net(drawing, getattr(chip, name), name, 180)
-    drawing.add(elm.Label().label("U8 LP2950-5.0: 5V_A from V+, for U3, U4, U5 and R4, R5", fontsize=9).at((2.6, -17.2)))
+    line(drawing, upper["IN+"], (x - 2.0, upper["IN+"][1]), (x - 2.0, high[1]), high)
+    line(drawing, upper["IN-"], (x - 2.0, upper["IN-"][1]), (x - 2.0, top[1]), top)
+    line(drawing, upper.VBUS, (x - 2.4, upper.VBUS[1]), (x - 2.4, upper["IN-"][1]))
+    dot(drawing, (x - 2.4, upper["IN-"][1]))
+    lower = chip(drawing, (x - 8.0, -16.6), "U7 INA226\naddress 0x41", ("SDA", "SCL"), ("VBUS",), (2.6, 2.0))
+    line(drawing, lower.VBUS, (x - 3.0, lower.VBUS[1]), (x - 3.0, low[1]), low)
+    text = "U8 LP2950-5.0 makes 5V_A from V+,\nfor U3, U4, U5, R4 and R5"
+    drawing.add(elm.Label().at((0.8, -10.4)).label(text, fontsize=9))
 
 
 def draw(file):
