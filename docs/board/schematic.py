@@ -5,6 +5,7 @@
 Needs schemdraw. Wires with the same name are connected. The values are those of the range 1 A.
 """
 
+from itertools import pairwise
 from pathlib import Path
 
 import schemdraw
@@ -70,7 +71,7 @@ def dot(drawing, at):
 
 def line(drawing, *points):
     """A wire through the points."""
-    for start, end in zip(points, points[1:], strict=False):
+    for start, end in pairwise(points):
         drawing.add(elm.Line().at(start).to(end))
 
 

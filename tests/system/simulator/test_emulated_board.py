@@ -57,3 +57,17 @@ def test_wire_is_identified_and_tracked_as_in_the_demo(rig):
     assert 0.0 < run["rms_percent"] <= 0.5
     assert (run["trips"], run["missed_deadlines"]) == (0, 0)
     assert smadrive(rig, "off", rig)["safe"] is True
+
+
+@pytest.mark.exhaustive
+def test_board_is_checked_and_calibrated(rig):
+    smadrive(rig, "heat", rig, "--current", 0.2, "--for", 5, "-o", "held.h5")
+    held = ("--log", "held.h5", "--current", 0.19, "--voltage", 3.2)
+    with served("--board", "atmega328p") as (_, url):
+        port = url.removeprefix("serial://")
+        checks = smadrive(rig, "board", "check", port)["checks"]
+        first = smadrive(rig, "board", "calibrate", port, *held)
+        again = smadrive(rig, "board", "calibrate", port, *held)
+    assert {one["verdict"] for one in checks} <= {"passed", "not checked"}
+    assert first["source_gain"] == pytest.approx(0.2 / 0.19, rel=0.01)
+    assert again["source_gain"] == pytest.approx(first["source_gain"] ** 2, rel=1e-3)
