@@ -8,21 +8,21 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.output import AsJson, Output
-from smadrive.rig.board_check import check_board_at, error_of
+from smadrive.rig.ports.board_check import check_board_at, error_of
 
 Port = Annotated[str, typer.Argument(help="/dev/ttyUSB0 or rtu+tcp://host:port", metavar="PORT")]
 
 HEADER = ("check", "result", "seen")
 
 
-class Action(StrEnum):
+class BoardAction(StrEnum):
     """What to do with the board."""
 
     CHECK = "check"
 
 
 def main(
-    action: Annotated[Action, typer.Argument(help="check: conformance and safety.", metavar="check")],  # noqa: ARG001
+    action: Annotated[BoardAction, typer.Argument(help="check: conformance and safety.", metavar="check")],  # noqa: ARG001
     port: Port,
     as_json: AsJson = False,
 ) -> None:
