@@ -10,8 +10,8 @@ import typer
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.errors import ConfigError, DataError
-from smadrive.rig.board_check import check_board_at, error_of
-from smadrive.rig.calibration.board_constants import HeldCurrent, calibrate_board_at
+from smadrive.rig.ports.board_calibration import HeldCurrent, calibrate_board_at
+from smadrive.rig.ports.board_check import check_board_at, error_of
 from smadrive.runs.log.reader import read_log
 
 Port = Annotated[str, typer.Argument(help="/dev/ttyUSB0 or rtu+tcp://host:port", metavar="PORT")]
@@ -23,7 +23,7 @@ STEADY = 0.02
 """Largest change of the set current in that half, as a share."""
 
 
-class Action(StrEnum):
+class BoardAction(StrEnum):
     """What to do with the board."""
 
     CHECK = "check"
@@ -32,7 +32,7 @@ class Action(StrEnum):
 
 def main(
     action: Annotated[
-        Action, typer.Argument(help="check: conformance and safety. calibrate: gains of current and voltage.")
+        BoardAction, typer.Argument(help="check: conformance and safety. calibrate: gains of current and voltage.")
     ],
     port: Port,
     log: Annotated[
@@ -57,7 +57,7 @@ def main(
     """
     output = Output(as_json)
     given = (log, current_a, voltage_v)
-    if action is Action.CHECK:
+    if action is BoardAction.CHECK:
         if given != (None, None, None):
             raise ConfigError("these options belong to calibrate", where="--log, --current, --voltage")
         _check(output, port)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from smadrive.devices.board_check.checked_board import CheckedBoard
 from smadrive.devices.board_check.conformance import FrameLine, conformance_results
-from smadrive.devices.board_check.desk_board import DeskBoard
 from smadrive.devices.board_check.result import CheckResult
 from smadrive.devices.board_check.safety_checks import safety_results
 from smadrive.devices.device import Device
@@ -28,7 +28,7 @@ def check_board(transport: Transport, profile: Profile) -> Iterator[CheckResult]
     patient = profile.model_copy(update={"timing": profile.timing.model_copy(update=times)})
     device = Device(patient, ModbusClient(transport))
     device.check_identity()
-    board = DeskBoard(device)
+    board = CheckedBoard(device)
     board.make_ready()
     try:
         yield from _checked(transport, board)
@@ -36,7 +36,7 @@ def check_board(transport: Transport, profile: Profile) -> Iterator[CheckResult]
         device.enter_safe_state()
 
 
-def _checked(transport: Transport, board: DeskBoard) -> Iterator[CheckResult]:
+def _checked(transport: Transport, board: CheckedBoard) -> Iterator[CheckResult]:
     watchdog_s = board.read("watchdog_s").value  # the conformance frames change it
     yield from conformance_results(FrameLine(transport), board.make_ready)
     board.device.write("watchdog_s", watchdog_s)

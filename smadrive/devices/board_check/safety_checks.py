@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from math import inf
 
-from smadrive.devices.board_check.desk_board import SETTLE_S, DeskBoard, Readings, Span
+from smadrive.devices.board_check.checked_board import SETTLE_S, CheckedBoard, Readings, TimeBounds
 from smadrive.devices.board_check.result import CheckKind, CheckResult, CheckVerdict, judged
 from smadrive.errors import DeviceError, ExceptionReply, ProtocolError
 
@@ -25,7 +25,7 @@ CONVERSION_S = 0.1
 DEVICE_FAILURE = 4
 
 
-def safety_results(board: DeskBoard) -> Iterator[CheckResult]:
+def safety_results(board: CheckedBoard) -> Iterator[CheckResult]:
     """Yield the results of all safety checks. The board is off and ready after each of them."""
     for name, check in _CHECKS.items():
         try:
@@ -42,7 +42,7 @@ def _not_checked(name: str, detail: str) -> CheckResult:
     return CheckResult(CheckKind.SAFETY, name, CheckVerdict.NOT_CHECKED, detail)
 
 
-def _starts_cold(board: DeskBoard, name: str) -> CheckResult:
+def _starts_cold(board: CheckedBoard, name: str) -> CheckResult:
     with board.prepared():
         board.arm()
         readings = board.measured()
@@ -51,30 +51,30 @@ def _starts_cold(board: DeskBoard, name: str) -> CheckResult:
     return _judged(name, passed=armed and current_a < SMALL_A, detail=f"{current_a:.4f} A")
 
 
-def _watchdog(board: DeskBoard, name: str, observe: Callable[[], Readings]) -> CheckResult:
+def _watchdog(board: CheckedBoard, name: str, observe: Callable[[], Readings]) -> CheckResult:
     with board.prepared(watchdog_s=WATCHDOG_S):
         board.arm()
-        span = board.fault_after("watchdog", 2 * WATCHDOG_S, lambda: board.command(SMALL_A), observe)
+        bounds = board.fault_after("watchdog", 2 * WATCHDOG_S, lambda: board.command(SMALL_A), observe)
         off = board.read("heater_current").value == 0.0 and board.read("heater_enable").value == 0
-    in_time = span.longest_s >= WATCHDOG_S * (1 - CLOCK_ERROR) and span.shortest_s <= WATCHDOG_S + LATEST_OFF_S
-    return _judged(name, passed=in_time and off, detail=f"{_shown(span)}, must be {WATCHDOG_S:g} s")
+    in_time = bounds.longest_s >= WATCHDOG_S * (1 - CLOCK_ERROR) and bounds.shortest_s <= WATCHDOG_S + LATEST_OFF_S
+    return _judged(name, passed=in_time and off, detail=f"{_shown(bounds)}, must be {WATCHDOG_S:g} s")
 
 
-def _shown(span: Span) -> str:
-    if span.longest_s == inf:
-        return f"no fault after {span.shortest_s:.3f} s"
-    return f"after {span.shortest_s:.3f} to {span.longest_s:.3f} s"
+def _shown(bounds: TimeBounds) -> str:
+    if bounds.longest_s == inf:
+        return f"no fault after {bounds.shortest_s:.3f} s"
+    return f"after {bounds.shortest_s:.3f} to {bounds.longest_s:.3f} s"
 
 
-def _watchdog_reads(board: DeskBoard, name: str) -> CheckResult:
+def _watchdog_reads(board: CheckedBoard, name: str) -> CheckResult:
     return _watchdog(board, name, board.measured)
 
 
-def _watchdog_repeats(board: DeskBoard, name: str) -> CheckResult:
+def _watchdog_repeats(board: CheckedBoard, name: str) -> CheckResult:
     return _watchdog(board, name, lambda: board.command(SMALL_A, is_new=False))
 
 
-def _fed_watchdog(board: DeskBoard, name: str) -> CheckResult:
+def _fed_watchdog(board: CheckedBoard, name: str) -> CheckResult:
     longest_s, armed = 0.0, True
     with board.prepared(watchdog_s=WATCHDOG_S):
         board.arm()
@@ -89,7 +89,7 @@ def _fed_watchdog(board: DeskBoard, name: str) -> CheckResult:
     return _judged(name, passed=armed)
 
 
-def _fault_latches(board: DeskBoard, name: str) -> CheckResult:
+def _fault_latches(board: CheckedBoard, name: str) -> CheckResult:
     with board.prepared(temperature_max=0.0) as before:
         board.wait(SETTLE_S)
         board.device.write("temperature_max", before["temperature_max"])
@@ -102,7 +102,7 @@ def _fault_latches(board: DeskBoard, name: str) -> CheckResult:
     return _judged(name, passed=passed, detail=", ".join((*faults, *state)))
 
 
-def _rejects_arming(board: DeskBoard) -> bool:
+def _rejects_arming(board: CheckedBoard) -> bool:
     try:
         board.arm()
     except ExceptionReply as reply:
@@ -110,7 +110,7 @@ def _rejects_arming(board: DeskBoard) -> bool:
     return False
 
 
-def _fault_clears(board: DeskBoard, name: str) -> CheckResult:
+def _fault_clears(board: CheckedBoard, name: str) -> CheckResult:
     with board.prepared(temperature_max=0.0):
         board.wait(SETTLE_S)
         board.write_key("fault_clear")
@@ -122,14 +122,14 @@ def _fault_clears(board: DeskBoard, name: str) -> CheckResult:
     return _judged(name, passed=passed, detail=f"with its cause: {', '.join(stays) or 'none'}")
 
 
-def _current_limit(board: DeskBoard, name: str) -> CheckResult:
+def _current_limit(board: CheckedBoard, name: str) -> CheckResult:
     with board.prepared(current_max=SMALL_A / 3):
         board.arm()
         limits = board.command(SMALL_A)["limits"].words
     return _judged(name, passed=limits == ("current_max",), detail=", ".join(limits) or "none")
 
 
-def _heater_open(board: DeskBoard, name: str) -> CheckResult:
+def _heater_open(board: CheckedBoard, name: str) -> CheckResult:
     flowing_a = [0.0]
 
     def heat() -> Readings:
@@ -139,18 +139,18 @@ def _heater_open(board: DeskBoard, name: str) -> CheckResult:
 
     with board.prepared():
         board.arm()
-        span = board.fault_after("heater_open", OPEN_WITHIN_S, heat, heat)
+        bounds = board.fault_after("heater_open", OPEN_WITHIN_S, heat, heat)
     if max(flowing_a) > OPEN_A / 2:
         return _not_checked(name, f"{max(flowing_a):.3f} A flow: disconnect the wire for this check")
-    return _judged(name, passed=span.shortest_s <= OPEN_WITHIN_S, detail=_shown(span))
+    return _judged(name, passed=bounds.shortest_s <= OPEN_WITHIN_S, detail=_shown(bounds))
 
 
-def _estop(board: DeskBoard, name: str) -> CheckResult:
+def _estop(board: CheckedBoard, name: str) -> CheckResult:
     words = board.read("estop").words
     return _judged(name, passed=words == ("released",), detail=", ".join(words))
 
 
-def _conversions(board: DeskBoard, name: str) -> CheckResult:
+def _conversions(board: CheckedBoard, name: str) -> CheckResult:
     began = board.read("sample_counter").raw
     board.wait(OBSERVED_S)
     conversions = int(board.read("sample_counter").raw - began) & 0xFFFF
@@ -158,17 +158,19 @@ def _conversions(board: DeskBoard, name: str) -> CheckResult:
     return _judged(name, passed=passed, detail=f"{conversions} in {OBSERVED_S:g} s")
 
 
-def _uptime(board: DeskBoard, name: str) -> CheckResult:
+def _uptime(board: CheckedBoard, name: str) -> CheckResult:
     first, first_sent_s, first_received_s = board.timed(lambda: board.device.read(("uptime",)))
     board.wait(OBSERVED_S)
     second, sent_s, received_s = board.timed(lambda: board.device.read(("uptime",)))
     board_s = second["uptime"].value - first["uptime"].value
-    span = Span(sent_s - first_received_s, received_s - first_sent_s)
-    passed = span.shortest_s * (1 - CLOCK_ERROR) <= board_s <= span.longest_s * (1 + CLOCK_ERROR)
-    return _judged(name, passed=passed, detail=f"{board_s:.3f} s in {span.shortest_s:.3f} to {span.longest_s:.3f} s")
+    bounds = TimeBounds(sent_s - first_received_s, received_s - first_sent_s)
+    passed = bounds.shortest_s * (1 - CLOCK_ERROR) <= board_s <= bounds.longest_s * (1 + CLOCK_ERROR)
+    return _judged(
+        name, passed=passed, detail=f"{board_s:.3f} s in {bounds.shortest_s:.3f} to {bounds.longest_s:.3f} s"
+    )
 
 
-_CHECKS: dict[str, Callable[[DeskBoard, str], CheckResult]] = {
+_CHECKS: dict[str, Callable[[CheckedBoard, str], CheckResult]] = {
     "no current flows after arming": _starts_cold,
     "a new sequence feeds the watchdog": _fed_watchdog,
     "reads do not feed the watchdog": _watchdog_reads,

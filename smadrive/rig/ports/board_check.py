@@ -10,7 +10,7 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.lock import Role, lock_line
 from smadrive.errors import ConfigError, DeviceError, SafetyError, SmadriveError
 from smadrive.modbus.transports.connect import open_transport, port_of
-from smadrive.rig.discovery import port_url
+from smadrive.rig.ports.discovery import port_url
 
 PROFILE = "sma-reference:map_version=2"
 

@@ -3,7 +3,7 @@
 import pytest
 
 from smadrive.errors import ConfigError
-from smadrive.rig.calibration.board_constants import HeldCurrent, new_gains
+from smadrive.rig.ports.board_calibration import HeldCurrent, new_gains
 
 ONE = dict.fromkeys(("current_gain", "voltage_gain", "source_gain"), 1.0)
 CONSTANTS = ONE | dict.fromkeys(("current_offset", "voltage_offset", "source_offset"), 0.0)

@@ -18,7 +18,7 @@ from smadrive.devices.state.lock import Role, lock_line
 from smadrive.errors import ConfigError
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import open_transport, port_of
-from smadrive.rig.discovery import port_url
+from smadrive.rig.ports.discovery import port_url
 
 PROFILE = "sma-reference:map_version=2"
 GAINS = (0.75, 1.25)

@@ -22,14 +22,14 @@ SETTLE_S = 0.05
 Readings = dict[str, RegisterReading]
 
 
-class Span(NamedTuple):
+class TimeBounds(NamedTuple):
     """The shortest and the longest time that something took, in s."""
 
     shortest_s: float
     longest_s: float
 
 
-class DeskBoard:
+class CheckedBoard:
     """The board behind `device`. Times are those of the host's clock, in s."""
 
     def __init__(self, device: Device) -> None:
@@ -104,19 +104,19 @@ class DeskBoard:
 
     def fault_after(
         self, name: str, within_s: float, begin: Callable[[], Readings], observe: Callable[[], Readings]
-    ) -> Span:
+    ) -> TimeBounds:
         """Call `begin`, then `observe` until the fault `name` is latched or `within_s` have passed.
 
         Return the shortest and the longest time from `begin` to the fault that agree with all observations. The longest
-        is infinite without a fault. Delays of this computer make the span wider, never wrong.
+        is infinite without a fault. Delays of this computer make the bounds wider, never wrong.
         """
         _, begin_s, begun_s = self.timed(begin)
         shortest_s = 0.0
         while True:
             readings, sent_s, received_s = self.timed(observe)
             if name in readings["faults"].words:
-                return Span(shortest_s, received_s - begin_s)
+                return TimeBounds(shortest_s, received_s - begin_s)
             shortest_s = sent_s - begun_s
             if shortest_s > within_s:
-                return Span(shortest_s, inf)
+                return TimeBounds(shortest_s, inf)
             self.wait(POLL_S)
