@@ -9,7 +9,7 @@ import struct
 from collections import Counter
 from random import Random
 
-from board_pair import PROFILE, UNIT_ID
+from board_pair import ADDRESSES, PROFILE, UNIT_ID
 
 from firmware_sim.devices.board.calibration import GAINS, OFFSETS, BoardCalibration, Correction
 from firmware_sim.devices.board.checks import BoardLimit
@@ -17,7 +17,6 @@ from firmware_sim.devices.board.readings import BoardFault
 from smadrive.modbus.framing import rtu
 
 REGISTERS = PROFILE.registers
-ADDRESSES = sorted(address for register in REGISTERS.values() for address in register.addresses)
 WRITABLE = [register for register in REGISTERS.values() if register.writable]
 EDGES = (0, 1, 2, 0xFF, 0x100, 0x7FFF, 0x8000, 0xFFFF, 499, 500, 501, 12287, 12288, 20480, 20481, 49, 50, 10000, 10001)
 KEYS = {"arm": 0x4152, "fault_clear": 0x434C, "calibration_save": 0x4341}

@@ -5,7 +5,7 @@ Unlike the random steps of `board_fuzz.py`, an order that makes the boards diffe
 
 import struct
 
-from board_pair import PROFILE, UNIT_ID, BoardPair
+from board_pair import ADDRESSES, PROFILE, UNIT_ID, BoardPair
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
@@ -13,7 +13,6 @@ from firmware_sim.devices.board.firmware import BoardState
 from smadrive.modbus.framing import rtu
 
 WRITABLE = [register for register in PROFILE.registers.values() if register.writable]
-ADDRESSES = sorted(address for register in PROFILE.registers.values() for address in register.addresses)
 FIRSTS = st.sampled_from(ADDRESSES) | st.integers(0, 0xFFFF)
 WORDS = st.sampled_from((0, 1, 0xFF, 0x100, 50, 500, 10_000, 16384, 50_000, 0xFFFF)) | st.integers(0, 0xFFFF)
 TIMES_MS = st.sampled_from((0, 1, 9, 10, 50, 500, 10_000))

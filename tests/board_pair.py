@@ -7,7 +7,7 @@ The frames for the board in Python are found here, by the rules of docs/sma-refe
 from __future__ import annotations
 
 from collections import deque
-from itertools import count
+from operator import itemgetter
 
 from firmware_sim.bench import FIRMWARE_VERSION, SimulatedBench
 from firmware_sim.board.core_board import CoreBoard
@@ -23,6 +23,8 @@ UNIT_ID = 1
 SERIAL_NUMBER = 0x89ABCDEF
 PROFILE = load_profile("sma-reference")
 STEPS_SHOWN = 30
+ADDRESSES = sorted(address for register in PROFILE.registers.values() for address in register.addresses)
+words_at = itemgetter(*ADDRESSES)
 LENGTHS = {3: (8, None), 6: (8, None), 8: (8, None), 16: (9, 6), 22: (10, None), 23: (13, 10)}
 """For each known function: length of a frame without counted bytes, and the position of the byte count."""
 
@@ -130,10 +132,9 @@ class BoardPair:
         """Raise DifferenceError if registers, storage or current of the two boards differ."""
         bank = self._responder._bank
         bank.publish(self.python.quantities(), "holding", 0, WORDS)
-        expected = [max(word, 0) for word in bank.read("holding", 0, WORDS)]
-        found = self.core.registers(self.now_ms)
-        for address, python, core in zip(count(), expected, found, strict=False):
-            self._same(f"register {address}", python, core)
+        expected, found = words_at(bank.read("holding", 0, WORDS)), words_at(self.core.registers(self.now_ms))
+        pairs = zip(ADDRESSES, expected, found, strict=True)
+        self._same("registers", expected, found if expected == found else [row for row in pairs if row[1] != row[2]])
         self._same("current", round(self.python.current_a * AMPERE), self.core.view.output)
         self._same("storage", self.python.storage, self.core.storage)
 

@@ -77,7 +77,8 @@ class BoardFirmware:
         self._fed_ms = self._checked_ms = 0
         self._current_check.restart()
         stored = BoardCalibration.of_record(self.storage)
-        self._calibration, self._is_calibrated = stored or BoardCalibration(), stored is not None
+        self._is_calibrated = stored is not None
+        self._calibrate(stored or BoardCalibration())
         self._check_all()
 
     @property
@@ -126,7 +127,7 @@ class BoardFirmware:
         self._settings |= {role: count_of(role, values[role]) for role in SETTINGS if role in values}
         for role in CONSTANTS:
             if role in values:
-                self._calibration = self._calibration.changed(role, count_of(role, values[role]))
+                self._calibrate(self._calibration.changed(role, count_of(role, values[role])))
         if "calibration_save" in values:
             self.storage, self._is_calibrated = self._calibration.record(), True
         if "arm" in values:
@@ -138,11 +139,10 @@ class BoardFirmware:
 
     def quantities(self) -> dict[str, float | None]:
         """Return the values that the registers show, by role. None marks a missing reading."""
-        readings, calibration = self._readings, self._calibration
-        shown: dict[str, float | None] = {role: count / SCALES[role] for role, count in self._settings.items()}
-        for role in CONSTANTS:
-            shown[role] = calibration.constant(role) / SCALES[role]
-        return shown | {
+        readings = self._readings
+        return {
+            **{role: count / SCALES[role] for role, count in self._settings.items()},
+            **self._constants,
             "temperature": None if readings.temperature == NO_TEMPERATURE else readings.temperature / DEGREE,
             "cold_junction": readings.cold_junction / DEGREE,
             "heater_current": self.commanded_a,
@@ -159,6 +159,10 @@ class BoardFirmware:
             "uptime": self._now_ms() / 1000,
             "estop": 1 if readings.detected & BoardFault.ESTOP else 0,
         }
+
+    def _calibrate(self, calibration: BoardCalibration) -> None:
+        self._calibration = calibration
+        self._constants = {role: calibration.constant(role) / SCALES[role] for role in CONSTANTS}
 
     def _now_ms(self) -> int:
         return round(self.uptime_s * 1e6) // 1000
