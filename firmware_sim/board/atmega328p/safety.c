@@ -55,7 +55,10 @@ static uint16_t read_converter(void)
 static uint16_t read_meters(void)
 {
     silent_meters = counted(silent_meters, !meters_read(&inputs.current, &inputs.voltage));
-    return silent_meters >= FAILED_TICKS ? BOARD_SENSOR_BUS : 0;
+    if (silent_meters < FAILED_TICKS)
+        return 0;
+    inputs.current = inputs.voltage = 0; /* an old current would look like a shorted switch */
+    return BOARD_SENSOR_BUS;
 }
 
 /* The conversion that began in the tick before. */
