@@ -25,7 +25,8 @@ NOT_COMPARED = {22, 23, 26, 27, 28}
 RANGES = ((0, 5), (16, 14), (32, 3), (48, 3), (64, 6))
 TICK_MS, NEAR_MS, SETTLE_S, LONG_S = 10, 40, 0.06, 0.9
 WATCHDOG, ARMED, NO_DISPLACEMENT = 48, 1, -0x80000000
-MENDED_S = 0.25
+MENDED_S = 1.5
+"""The converter looks for an open circuit once in 16 conversions, so it may show the bit OPEN as long as this."""
 BUS = BoardFault.SENSOR_BUS | BoardFault.ACTUATOR
 HARDWARE_FAULTS = (
     ("converter", Converter.OPEN, BoardFault.THERMOCOUPLE_OPEN),

@@ -111,6 +111,7 @@ def test_power_cycle_restores_a_dac_that_leaves_the_factory_at_half_of_its_scale
         board.chip.step(2000)
         assert board.chip.sink_a == 0.0
     board.run(0.3)
+    assert board.chip.probes.enabled_at == 0  # the line was never high
     assert board.press(ARM) == 0
     board.run(0.05)
     assert board.chip.sink_a == 0.0
