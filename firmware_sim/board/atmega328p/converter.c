@@ -22,39 +22,32 @@
 #define FILTER 0x00
 #endif
 
-enum { CR0 = 0x00, CJTH = 0x0A, SR = 0x0F, WRITE = 0x80 };
+enum { CR0 = 0x00, CJTH = 0x0A, SR = 0x0F, WRITE_CR0 = 0x80 };
 enum { CR0_VALUE = 0x90 | FILTER, CR1_VALUE = 0x03 };
 enum { OUT_OF_RANGE = 0x40, OVUV = 0x02, OPEN = 0x01 };
 
-static uint8_t exchange(uint8_t byte)
-{
+static uint8_t exchange(uint8_t byte) {
     SPDR = byte;
     while (!(SPSR & _BV(SPIF)))
         ; /* 32 cycles: the SPI waits for no other chip */
     return SPDR;
 }
 
-static void select(uint8_t address)
-{
+static void select(uint8_t address) {
     PORTB &= (uint8_t)~CONVERTER_SELECT;
     exchange(address);
 }
 
-static void deselect(void)
-{
-    PORTB |= CONVERTER_SELECT;
-}
+static void deselect(void) { PORTB |= CONVERTER_SELECT; }
 
-static void configure(void)
-{
-    select(CR0 | WRITE);
+static void configure(void) {
+    select(WRITE_CR0);
     exchange(CR0_VALUE);
     exchange(CR1_VALUE);
     deselect();
 }
 
-static bool is_configured(void)
-{
+static bool is_configured(void) {
     select(CR0);
     uint8_t cr0 = exchange(0);
     uint8_t cr1 = exchange(0);
@@ -62,20 +55,19 @@ static bool is_configured(void)
     return cr0 == CR0_VALUE && cr1 == CR1_VALUE;
 }
 
-static uint8_t read_status(void)
-{
+static uint8_t read_status(void) {
     select(SR);
     uint8_t status = exchange(0);
     deselect();
     return status;
 }
 
-static void read_temperatures(struct converter_reading *reading)
-{
+static void read_temperatures(struct converter_reading *reading) {
     uint8_t bytes[5];
     select(CJTH);
-    for (uint8_t index = 0; index < sizeof bytes; index++)
+    for (uint8_t index = 0; index < sizeof bytes; index++) {
         bytes[index] = exchange(0);
+    }
     deselect();
     int16_t cold = (int16_t)((uint16_t)bytes[0] << 8 | bytes[1]) >> 2;
     int32_t hot = (int32_t)((uint32_t)bytes[2] << 24 | (uint32_t)bytes[3] << 16 | (uint32_t)bytes[4] << 8) >> 13;
@@ -84,27 +76,28 @@ static void read_temperatures(struct converter_reading *reading)
     reading->temperature = hot > INT16_MAX ? INT16_MAX : hot < -INT16_MAX ? -INT16_MAX : (int16_t)hot;
 }
 
-void converter_begin(void)
-{
+void converter_begin(void) {
     PORTB |= CONVERTER_SELECT;
     DDRB |= CONVERTER_SELECT | SPI_DATA_OUT | SPI_CLOCK;
     SPCR = _BV(SPE) | _BV(MSTR) | _BV(CPHA);
     configure();
 }
 
-enum converter_status converter_read(struct converter_reading *reading)
-{
+enum converter_status converter_read(struct converter_reading *reading) {
     if (!is_configured()) {
         configure();
         return CONVERTER_SILENT;
     }
     uint8_t status = read_status();
-    if (status & OVUV)
+    if (status & OVUV) {
         return CONVERTER_SHORT;
-    if (status & (OPEN | OUT_OF_RANGE))
+    }
+    if (status & (OPEN | OUT_OF_RANGE)) {
         return CONVERTER_OPEN;
-    if (PIND & CONVERTER_READY)
+    }
+    if (PIND & CONVERTER_READY) {
         return CONVERTER_SAME;
+    }
     read_temperatures(reading);
     return CONVERTER_NEW;
 }

@@ -19,8 +19,7 @@ static volatile uint8_t sent[SEND_SIZE];
 static volatile uint8_t sent_in, sent_out;
 static volatile bool paused;
 
-ISR(USART_RX_vect)
-{
+ISR(USART_RX_vect) {
     uint16_t byte = UDR0 | (paused ? LINE_PAUSE : 0u);
     uint8_t next = (received_in + 1u) & (RECEIVE_SIZE - 1u);
     TCNT2 = 0;
@@ -33,22 +32,20 @@ ISR(USART_RX_vect)
     }
 }
 
-ISR(TIMER2_COMPA_vect)
-{
+ISR(TIMER2_COMPA_vect) {
     TIMSK2 = 0;
     paused = true;
 }
 
-ISR(USART_UDRE_vect)
-{
+ISR(USART_UDRE_vect) {
     UDR0 = sent[sent_out];
     sent_out = (sent_out + 1u) & (SEND_SIZE - 1u);
-    if (sent_out == sent_in)
+    if (sent_out == sent_in) {
         UCSR0B &= (uint8_t)~_BV(UDRIE0);
+    }
 }
 
-void line_begin(void)
-{
+void line_begin(void) {
     UBRR0 = 16;
     UCSR0A = _BV(U2X0);
     UCSR0C = _BV(UCSZ01) | _BV(UCSZ00);
@@ -57,18 +54,17 @@ void line_begin(void)
     TCCR2B = _BV(CS22) | _BV(CS20);
 }
 
-int16_t line_read(void)
-{
+int16_t line_read(void) {
     uint8_t out = received_out;
-    if (out == received_in)
+    if (out == received_in) {
         return -1;
+    }
     int16_t byte = (int16_t)received[out];
     received_out = (out + 1u) & (RECEIVE_SIZE - 1u);
     return byte;
 }
 
-bool line_take_pause(void)
-{
+bool line_take_pause(void) {
     bool taken = false;
     cli();
     if (paused && received_in == received_out) {
@@ -79,22 +75,20 @@ bool line_take_pause(void)
     return taken;
 }
 
-bool line_is_pending(void)
-{
-    return paused || received_in != received_out;
-}
+bool line_is_pending(void) { return paused || received_in != received_out; }
 
-void line_send(const uint8_t *bytes, uint8_t count)
-{
+void line_send(const uint8_t *bytes, uint8_t count) {
     while (count--) {
         uint8_t next = (sent_in + 1u) & (SEND_SIZE - 1u);
-        if (next == sent_out)
+        if (next == sent_out) {
             break;
+        }
         sent[sent_in] = *bytes++;
         sent_in = next;
     }
     cli();
-    if (sent_in != sent_out)
+    if (sent_in != sent_out) {
         UCSR0B |= _BV(UDRIE0);
+    }
     sei();
 }

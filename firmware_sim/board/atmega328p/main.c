@@ -17,8 +17,7 @@
 
 static struct board board;
 
-static void power_up(void)
-{
+static void power_up(void) {
     struct calibration stored;
     const struct board_hardware hardware = {
         .firmware_version = FIRMWARE_VERSION,
@@ -33,41 +32,37 @@ static void power_up(void)
     board_power_up(&board, &hardware, &stored);
 }
 
-static bool test_hardware(void)
-{
+static bool test_hardware(void) {
     converter_begin();
     source_begin();
     return memory_is_good() && meters_test();
 }
 
-static void serve_pause(void)
-{
-    line_send(board.frame.bytes, board_pause(&board, safety_now_ms()));
-}
+static void serve_pause(void) { line_send(board.frame.bytes, board_pause(&board, safety_now_ms())); }
 
-static void serve_line(void)
-{
+static void serve_line(void) {
     int16_t byte;
     while ((byte = line_read()) >= 0) {
-        if (byte & LINE_PAUSE)
+        if (byte & LINE_PAUSE) {
             serve_pause();
+        }
         line_send(board.frame.bytes, board_receive(&board, (uint8_t)(byte & LINE_BYTE), safety_now_ms()));
     }
-    if (line_take_pause())
+    if (line_take_pause()) {
         serve_pause();
+    }
 }
 
-static void serve_storage(void)
-{
+static void serve_storage(void) {
     struct calibration calibration;
-    if (board_take_calibration(&board, &calibration))
+    if (board_take_calibration(&board, &calibration)) {
         storage_write_calibration(&calibration);
+    }
     storage_step();
 }
 
 /* Sleeps until the next interrupt, at most until the next tick. */
-static void rest(void)
-{
+static void rest(void) {
     cli();
     if (!line_is_pending()) {
         sleep_enable();
@@ -79,14 +74,13 @@ static void rest(void)
 }
 
 /* The line stays silent until there are readings, so that no host sees a board without a temperature. */
-static void wait_for_readings(void)
-{
-    while (!safety_has_readings())
+static void wait_for_readings(void) {
+    while (!safety_has_readings()) {
         board_poll(&board, safety_now_ms());
+    }
 }
 
-int main(void)
-{
+int main(void) {
     power_up();
     safety_begin(&board, test_hardware());
     sei();

@@ -11,8 +11,7 @@
 static bool good __attribute__((section(".noinit")));
 static uint16_t sum __attribute__((section(".noinit")));
 
-static void __attribute__((noinline, used)) test(void)
-{
+static void __attribute__((noinline, used)) test(void) {
     uint16_t total = 0;
     bool passed = true;
     MCUSR = 0;
@@ -32,17 +31,8 @@ static void __attribute__((noinline, used)) test(void)
 
 void __attribute__((naked, used, section(".init3"))) memory_begin(void);
 
-void memory_begin(void)
-{
-    __asm__ volatile("rcall %x0" : : "i"(test));
-}
+void memory_begin(void) { __asm__ volatile("rcall %x0" : : "i"(test)); }
 
-bool memory_is_good(void)
-{
-    return good;
-}
+bool memory_is_good(void) { return good; }
 
-uint16_t memory_random(void)
-{
-    return sum;
-}
+uint16_t memory_random(void) { return sum; }

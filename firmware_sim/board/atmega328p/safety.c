@@ -29,13 +29,9 @@ static uint8_t silent_converter, silent_meters, stalled;
 static uint16_t self_test_fault;
 static bool source_failed;
 
-static uint8_t counted(uint8_t count, bool failed)
-{
-    return !failed ? 0 : count < UINT8_MAX ? count + 1u : count;
-}
+static uint8_t counted(uint8_t count, bool failed) { return !failed ? 0 : count < UINT8_MAX ? count + 1u : count; }
 
-static uint16_t read_converter(void)
-{
+static uint16_t read_converter(void) {
     struct converter_reading reading;
     enum converter_status status = converter_read(&reading);
     if (status == CONVERTER_NEW) {
@@ -45,67 +41,68 @@ static uint16_t read_converter(void)
     }
     silent_converter = counted(silent_converter, status == CONVERTER_SILENT);
     stalled = counted(stalled, status == CONVERTER_SAME);
-    if (status == CONVERTER_OPEN)
+    if (status == CONVERTER_OPEN) {
         return BOARD_THERMOCOUPLE_OPEN;
-    if (status == CONVERTER_SHORT)
+    }
+    if (status == CONVERTER_SHORT) {
         return BOARD_THERMOCOUPLE_SHORT;
+    }
     return silent_converter >= FAILED_TICKS || stalled >= STALLED_TICKS ? BOARD_SENSOR_BUS : 0;
 }
 
-static uint16_t read_meters(void)
-{
+static uint16_t read_meters(void) {
     silent_meters = counted(silent_meters, !meters_read(&inputs.current, &inputs.voltage));
-    if (silent_meters < FAILED_TICKS)
+    if (silent_meters < FAILED_TICKS) {
         return 0;
+    }
     inputs.current = inputs.voltage = 0; /* an old current would look like a shorted switch */
     return BOARD_SENSOR_BUS;
 }
 
 /* The conversion that began in the tick before. */
-static void read_displacement(void)
-{
+static void read_displacement(void) {
     inputs.displacement = PIND & JUMPER ? BOARD_NO_DISPLACEMENT : ADC * DISPLACEMENT_STEP;
     ADCSRA |= _BV(ADSC);
 }
 
-static void switch_off(void)
-{
-    PORTD &= (uint8_t)~ENABLE;
-}
+static void switch_off(void) { PORTD &= (uint8_t)~ENABLE; }
 
-static void read_inputs(void)
-{
+static void read_inputs(void) {
     read_displacement();
     inputs.detected = self_test_fault | read_converter() | read_meters();
     source_failed |= !source_test();
-    if (source_failed)
+    if (source_failed) {
         inputs.detected |= BOARD_ACTUATOR;
-    if (PIND & ESTOP_OPEN)
+    }
+    if (PIND & ESTOP_OPEN) {
         inputs.detected |= BOARD_ESTOP;
+    }
 }
 
-static void write_outputs(const struct board_outputs *outputs)
-{
+static void write_outputs(const struct board_outputs *outputs) {
     bool on = outputs->enable && outputs->alive;
-    if (!on)
+    if (!on) {
         switch_off();
+    }
     source_failed = !source_set(on ? outputs->current : 0);
-    if (source_failed)
+    if (source_failed) {
         switch_off();
-    else if (on)
+    } else if (on) {
         PORTD |= ENABLE;
-    if (outputs->alive)
+    }
+    if (outputs->alive) {
         wdt_reset();
+    }
 }
 
-ISR(TIMER1_COMPA_vect)
-{
+ISR(TIMER1_COMPA_vect) {
     struct board_outputs outputs;
     TIMSK1 = 0;
     tick_ms += TICK_MS;
     sei();
-    if (PIND & ESTOP_OPEN)
+    if (PIND & ESTOP_OPEN) {
         switch_off();
+    }
     read_inputs();
     board_tick(board, &inputs, tick_ms, &outputs);
     write_outputs(&outputs);
@@ -113,26 +110,18 @@ ISR(TIMER1_COMPA_vect)
     TIMSK1 = _BV(OCIE1A);
 }
 
-void board_lock(void)
-{
-    TIMSK1 = 0;
-}
+void board_lock(void) { TIMSK1 = 0; }
 
-void board_unlock(void)
-{
-    TIMSK1 = _BV(OCIE1A);
-}
+void board_unlock(void) { TIMSK1 = _BV(OCIE1A); }
 
-bool safety_has_readings(void)
-{
+bool safety_has_readings(void) {
     board_lock();
     bool has_readings = inputs.temperature != BOARD_NO_TEMPERATURE || inputs.detected;
     board_unlock();
     return has_readings;
 }
 
-uint32_t safety_now_ms(void)
-{
+uint32_t safety_now_ms(void) {
     cli();
     uint32_t ms = tick_ms;
     uint16_t counts = TCNT1;
@@ -141,8 +130,7 @@ uint32_t safety_now_ms(void)
     return ms + (matched ? TICK_MS : 0) + counts / COUNTS_PER_MS;
 }
 
-void safety_begin(struct board *own_board, bool passed)
-{
+void safety_begin(struct board *own_board, bool passed) {
     board = own_board;
     self_test_fault = passed ? 0 : BOARD_SELF_TEST;
     inputs.temperature = inputs.cold_junction = BOARD_NO_TEMPERATURE;

@@ -8,41 +8,40 @@
 
 #include "../core/frame.h"
 
-#define CALIBRATION_AT ((uint8_t *)0)
-#define SERIAL_AT ((const uint8_t *)16)
+#define CALIBRATION_AT 0u
+#define SERIAL_AT 16u
 #define SERIAL_SIZE 4u
 
 static struct calibration record;
 static uint8_t remaining;
 
-void storage_read_calibration(struct calibration *calibration)
-{
-    eeprom_read_block(calibration, CALIBRATION_AT, sizeof *calibration);
+void storage_read_calibration(struct calibration *calibration) {
+    eeprom_read_block(calibration, (const uint8_t *)CALIBRATION_AT, sizeof *calibration);
 }
 
-uint32_t storage_serial_number(void)
-{
+uint32_t storage_serial_number(void) {
     uint8_t bytes[SERIAL_SIZE + 2];
     uint16_t crc = FRAME_CRC_START;
     uint32_t number = 0;
-    eeprom_read_block(bytes, SERIAL_AT, sizeof bytes);
-    for (uint8_t index = SERIAL_SIZE; index--;)
+    eeprom_read_block(bytes, (const uint8_t *)SERIAL_AT, sizeof bytes);
+    for (uint8_t index = SERIAL_SIZE; index--;) {
         number = number << 8 | bytes[index];
-    for (uint8_t index = 0; index < SERIAL_SIZE; index++)
+    }
+    for (uint8_t index = 0; index < SERIAL_SIZE; index++) {
         crc = frame_crc(crc, bytes[index]);
+    }
     return crc == (bytes[4] | (uint16_t)bytes[5] << 8) ? number : 0;
 }
 
-void storage_write_calibration(const struct calibration *calibration)
-{
+void storage_write_calibration(const struct calibration *calibration) {
     record = *calibration;
     remaining = sizeof record;
 }
 
-void storage_step(void)
-{
-    if (!remaining || !eeprom_is_ready())
+void storage_step(void) {
+    if (!remaining || !eeprom_is_ready()) {
         return;
+    }
     uint8_t at = (uint8_t)(sizeof record - remaining--);
-    eeprom_update_byte(CALIBRATION_AT + at, ((const uint8_t *)&record)[at]);
+    eeprom_update_byte((uint8_t *)(CALIBRATION_AT + at), ((const uint8_t *)&record)[at]);
 }

@@ -27,44 +27,41 @@ enum { CMODE = 0x80, OCFAULT = 0x30, HZ50 = 0x01, WRITE = 0x80, TC_RANGE = 0x40,
 #define TYPE_K_MAX_C 1372.0
 #define OPEN_TEST_INTERVAL 16
 
-void converter_power_up(struct converter *converter)
-{
+void converter_power_up(struct converter *converter) {
     static const uint8_t defaults[16] = {0x00, 0x03, 0xFF, 0x7F, 0xC0, 0x7F, 0xFF, 0x80};
     memset(converter, 0, sizeof *converter);
     memcpy(converter->registers, defaults, sizeof defaults);
 }
 
-static uint64_t conversion_cycles(const struct converter *converter)
-{
+static uint64_t conversion_cycles(const struct converter *converter) {
     bool first = converter->conversions == 0;
-    if (converter->registers[CR0] & HZ50)
+    if (converter->registers[CR0] & HZ50) {
         return (first ? 169u : 98u) * MS;
+    }
     return (first ? 143u : 82u) * MS;
 }
 
-static void store_temperature(struct converter *converter, double temperature_c)
-{
+static void store_temperature(struct converter *converter, double temperature_c) {
     uint32_t counts = (uint32_t)(int32_t)lround(temperature_c * 128.0) << 5;
     converter->registers[LTCBH] = (uint8_t)(counts >> 16);
     converter->registers[LTCBM] = (uint8_t)(counts >> 8);
     converter->registers[LTCBL] = (uint8_t)counts;
 }
 
-static void store_cold_junction(struct converter *converter, double temperature_c)
-{
+static void store_cold_junction(struct converter *converter, double temperature_c) {
     uint16_t counts = (uint16_t)((int16_t)lround(temperature_c * 64.0) * 4);
     converter->registers[CJTH] = (uint8_t)(counts >> 8);
     converter->registers[CJTL] = (uint8_t)counts;
 }
 
-static void convert(struct emulator *emulator)
-{
+static void convert(struct emulator *emulator) {
     struct converter *converter = &emulator->converter;
     bool open = emulator->world.converter == CONVERTER_OPEN;
     uint8_t status = converter->registers[SR] & OPEN;
     bool tested = converter->registers[CR0] & OCFAULT && converter->conversions % OPEN_TEST_INTERVAL == 0;
-    if (tested)
+    if (tested) {
         status = open ? OPEN : 0;
+    }
     store_temperature(converter, open ? TYPE_K_MAX_C : emulator->world.temperature_c);
     store_cold_junction(converter, emulator->world.cold_junction_c);
     converter->registers[SR] = status | (open ? TC_RANGE : 0);
@@ -73,16 +70,16 @@ static void convert(struct emulator *emulator)
 }
 
 /* Conversions that have ended since the chip was last looked at. */
-static void catch_up(struct emulator *emulator)
-{
+static void catch_up(struct emulator *emulator) {
     struct converter *converter = &emulator->converter;
     uint64_t now = emulator->avr->cycle;
     bool shorted = emulator->world.converter == CONVERTER_SHORT;
     bool idle = !(converter->registers[CR0] & CMODE) || emulator->world.converter == CONVERTER_STOPPED;
-    if (shorted)
+    if (shorted) {
         converter->registers[SR] |= OVUV;
-    else
+    } else {
         converter->registers[SR] &= (uint8_t)~OVUV;
+    }
     if (idle || shorted) {
         converter->due = now + conversion_cycles(converter);
         return;
@@ -93,22 +90,18 @@ static void catch_up(struct emulator *emulator)
     }
 }
 
-bool converter_is_ready(struct emulator *emulator)
-{
+bool converter_is_ready(struct emulator *emulator) {
     catch_up(emulator);
     return emulator->converter.ready && emulator->world.converter != CONVERTER_ABSENT;
 }
 
-void converter_begin(struct converter *converter)
-{
-    converter->addressed = false;
-}
+void converter_begin(struct converter *converter) { converter->addressed = false; }
 
-static void write_register(struct emulator *emulator, uint8_t address, uint8_t value)
-{
+static void write_register(struct emulator *emulator, uint8_t address, uint8_t value) {
     struct converter *converter = &emulator->converter;
-    if (address > CJTL)
+    if (address > CJTL) {
         return;
+    }
     converter->registers[address] = value;
     if (address == CR0) {
         converter->conversions = 0;
@@ -116,8 +109,7 @@ static void write_register(struct emulator *emulator, uint8_t address, uint8_t v
     }
 }
 
-uint8_t converter_exchange(struct emulator *emulator, uint8_t byte)
-{
+uint8_t converter_exchange(struct emulator *emulator, uint8_t byte) {
     struct converter *converter = &emulator->converter;
     uint8_t address = converter->address & 0x0F;
     uint8_t answer = 0xFF;
@@ -127,12 +119,14 @@ uint8_t converter_exchange(struct emulator *emulator, uint8_t byte)
         converter->address = byte;
         return answer;
     }
-    if (converter->address & WRITE)
+    if (converter->address & WRITE) {
         write_register(emulator, address, byte);
-    else
+    } else {
         answer = converter->registers[address];
-    if (address >= LTCBH && address <= LTCBL)
+    }
+    if (address >= LTCBH && address <= LTCBL) {
         converter->ready = false;
+    }
     converter->address = (converter->address & WRITE) | ((address + 1) & 0x0F);
     return answer;
 }

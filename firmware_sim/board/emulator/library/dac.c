@@ -12,14 +12,12 @@
 #define ADDRESS 0x60
 #define FACTORY_CODE 0x800
 
-static void start(struct twi_slave *slave, bool reading)
-{
+static void start(struct twi_slave *slave, bool reading) {
     (void)reading;
     ((struct dac *)slave)->count = 0;
 }
 
-static bool write_byte(struct twi_slave *slave, uint8_t byte)
-{
+static bool write_byte(struct twi_slave *slave, uint8_t byte) {
     struct dac *dac = (struct dac *)slave;
     bool fast = !(dac->first & 0xC0);
     if (dac->count == 0) {
@@ -33,27 +31,26 @@ static bool write_byte(struct twi_slave *slave, uint8_t byte)
         dac->count = 2;
     } else {
         dac->code = (uint16_t)((dac->first & 0x06) << 11 | dac->second << 4 | byte >> 4);
-        if ((dac->first & 0xE0) == 0x60)
+        if ((dac->first & 0xE0) == 0x60) {
             dac->stored = dac->code;
+        }
         dac->count = 0;
     }
     return true;
 }
 
-static uint8_t read_byte(struct twi_slave *slave)
-{
+static uint8_t read_byte(struct twi_slave *slave) {
     struct dac *dac = (struct dac *)slave;
     switch (dac->count++ % 5) {
-    case 0: return (uint8_t)(0xC0 | (dac->code >> 11 & 0x06));
-    case 1: return (uint8_t)(dac->code >> 4);
-    case 2: return (uint8_t)(dac->code << 4);
-    case 3: return (uint8_t)((dac->stored >> 12 & 3) << 5 | (dac->stored >> 8 & 0x0F));
-    default: return (uint8_t)dac->stored;
+        case 0: return (uint8_t)(0xC0 | (dac->code >> 11 & 0x06));
+        case 1: return (uint8_t)(dac->code >> 4);
+        case 2: return (uint8_t)(dac->code << 4);
+        case 3: return (uint8_t)((dac->stored >> 12 & 3) << 5 | (dac->stored >> 8 & 0x0F));
+        default: return (uint8_t)dac->stored;
     }
 }
 
-void dac_power_up(struct dac *dac)
-{
+void dac_power_up(struct dac *dac) {
     uint16_t stored = dac->slave.address ? dac->stored : FACTORY_CODE;
     *dac = (struct dac){
         .slave = {.address = ADDRESS, .start = start, .write = write_byte, .read = read_byte},

@@ -27,8 +27,8 @@ struct emulator_world {
     double displacement_v;  /* at the analogue input */
     double full_scale_a;    /* current of the sink at the DAC code 4096 */
     double shunt_ohm;
-    int32_t converter;      /* enum emulator_converter */
-    int32_t stuck;          /* enum emulator_stuck: the I2C bus */
+    int32_t converter; /* enum emulator_converter */
+    int32_t stuck;     /* enum emulator_stuck: the I2C bus */
     int32_t dac_absent;
     int32_t top_meter_absent;
     int32_t bottom_meter_absent;
@@ -39,16 +39,16 @@ struct emulator_world {
 
 /* Figures, in cycles. The caller may set them to zero. */
 struct emulator_probes {
-    uint64_t safety_longest;     /* from the first to the last instruction of the safety interrupt */
+    uint64_t safety_longest; /* from the first to the last instruction of the safety interrupt */
     uint64_t safety_count;
     uint64_t safety_latency_min; /* from the compare match to the first instruction */
     uint64_t safety_latency_max;
-    uint64_t off_longest;        /* longest time with interrupts disabled, after the first time they were enabled */
-    uint64_t overruns;           /* bytes lost because the receiver was full */
+    uint64_t off_longest; /* longest time with interrupts disabled, after the first time they were enabled */
+    uint64_t overruns;    /* bytes lost because the receiver was full */
     uint64_t resets_by_watchdog;
-    uint64_t enabled_at;         /* when the enable line last went high */
-    uint64_t disabled_at;        /* when it last went low */
-    uint64_t received_at;        /* when the last byte from the host was complete */
+    uint64_t enabled_at;  /* when the enable line last went high */
+    uint64_t disabled_at; /* when it last went low */
+    uint64_t received_at; /* when the last byte from the host was complete */
 };
 
 struct emulator_byte {

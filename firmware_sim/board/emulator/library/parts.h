@@ -12,10 +12,27 @@
 
 /* Addresses in the data space; data sheet of the ATmega328P, chapter "Register Summary". */
 enum {
-    PINB = 0x23, DDRB = 0x24, PORTB = 0x25, DDRC = 0x27, PIND = 0x29, DDRD = 0x2A, PORTD = 0x2B,
-    SPCR = 0x4C, SPSR = 0x4D, SPDR = 0x4E, MCUSR = 0x54, SREG = 0x5F, TIMSK1 = 0x6F,
-    TWBR = 0xB8, TWSR = 0xB9, TWDR = 0xBB, TWCR = 0xBC,
-    UCSR0A = 0xC0, UCSR0B = 0xC1, UBRR0L = 0xC4, UBRR0H = 0xC5, UDR0 = 0xC6
+    DDRB = 0x24,
+    PORTB = 0x25,
+    PINC = 0x26,
+    DDRC = 0x27,
+    PIND = 0x29,
+    DDRD = 0x2A,
+    PORTD = 0x2B,
+    SPCR = 0x4C,
+    SPSR = 0x4D,
+    SPDR = 0x4E,
+    MCUSR = 0x54,
+    TIMSK1 = 0x6F,
+    TWBR = 0xB8,
+    TWSR = 0xB9,
+    TWDR = 0xBB,
+    TWCR = 0xBC,
+    UCSR0A = 0xC0,
+    UCSR0B = 0xC1,
+    UBRR0L = 0xC4,
+    UBRR0H = 0xC5,
+    UDR0 = 0xC6
 };
 
 enum { TIMER1_COMPA = 11, USART_RX = 18, USART_UDRE = 19 }; /* numbers of interrupt vectors */
@@ -60,7 +77,7 @@ struct twi {
 };
 
 struct spi {
-    bool selected, done;
+    bool selected;
     uint8_t output, input;
 };
 
@@ -88,6 +105,7 @@ struct dac { /* MCP4725 */
 struct emulator {
     avr_io_t io; /* first: simavr gives this pointer to the reset function */
     avr_t *avr;
+    avr_int_vector_t *safety; /* the compare match of timer 1 */
     struct emulator_world world;
     struct emulator_probes probes;
     struct uart uart;
@@ -104,14 +122,12 @@ struct emulator {
 };
 
 /* Replaces simavr's handlers of a register. */
-static inline void hook_write(struct emulator *emulator, uint16_t address, avr_io_write_t write)
-{
+static inline void hook_write(struct emulator *emulator, uint16_t address, avr_io_write_t write) {
     emulator->avr->io[AVR_DATA_TO_IO(address)].w.c = write;
     emulator->avr->io[AVR_DATA_TO_IO(address)].w.param = emulator;
 }
 
-static inline void hook_read(struct emulator *emulator, uint16_t address, avr_io_read_t read)
-{
+static inline void hook_read(struct emulator *emulator, uint16_t address, avr_io_read_t read) {
     emulator->avr->io[AVR_DATA_TO_IO(address)].r.c = read;
     emulator->avr->io[AVR_DATA_TO_IO(address)].r.param = emulator;
 }
@@ -144,14 +160,14 @@ void probes_attach(struct emulator *emulator);
 void probes_reset(struct emulator *emulator);
 
 /* After every instruction. */
-static inline void probes_step(struct emulator *emulator)
-{
+static inline void probes_step(struct emulator *emulator) {
     const avr_t *avr = emulator->avr;
     if (avr->sreg[7]) {
         if (emulator->interrupts_used && emulator->disabled_since) {
             uint64_t off = avr->cycle - emulator->disabled_since;
-            if (off > emulator->probes.off_longest)
+            if (off > emulator->probes.off_longest) {
                 emulator->probes.off_longest = off;
+            }
         }
         emulator->interrupts_used = true;
         emulator->disabled_since = 0;

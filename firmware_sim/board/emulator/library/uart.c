@@ -14,8 +14,7 @@
 enum { RXC0 = 0x80, TXC0 = 0x40, UDRE0 = 0x20, DOR0 = 0x08, U2X0 = 0x02 }; /* UCSR0A */
 enum { RXCIE0 = 0x80, UDRIE0 = 0x20, RXEN0 = 0x10, TXEN0 = 0x08 };         /* UCSR0B */
 
-static void show_flags(struct emulator *emulator)
-{
+static void show_flags(struct emulator *emulator) {
     struct uart *uart = &emulator->uart;
     uint8_t flags = emulator->avr->data[UCSR0A] & U2X0;
     flags |= uart->buffered ? RXC0 : 0;
@@ -26,18 +25,18 @@ static void show_flags(struct emulator *emulator)
 }
 
 /* The interrupts of the two data registers are requested as long as their flags are set. */
-static void request_interrupts(struct emulator *emulator)
-{
+static void request_interrupts(struct emulator *emulator) {
     struct uart *uart = &emulator->uart;
     show_flags(emulator);
-    if (uart->buffered && emulator->avr->data[UCSR0B] & RXCIE0)
+    if (uart->buffered && emulator->avr->data[UCSR0B] & RXCIE0) {
         avr_raise_interrupt(emulator->avr, uart->received);
-    if (!uart->waiting && emulator->avr->data[UCSR0B] & UDRIE0)
+    }
+    if (!uart->waiting && emulator->avr->data[UCSR0B] & UDRIE0) {
         avr_raise_interrupt(emulator->avr, uart->empty);
+    }
 }
 
-static avr_cycle_count_t end_of_byte(avr_t *avr, avr_cycle_count_t when, void *param)
-{
+static avr_cycle_count_t end_of_byte(avr_t *avr, avr_cycle_count_t when, void *param) {
     struct emulator *emulator = param;
     struct uart *uart = &emulator->uart;
     uint8_t byte = uart->queue[uart->first];
@@ -63,8 +62,7 @@ static avr_cycle_count_t end_of_byte(avr_t *avr, avr_cycle_count_t when, void *p
     return 0;
 }
 
-static void start_byte(struct emulator *emulator)
-{
+static void start_byte(struct emulator *emulator) {
     struct uart *uart = &emulator->uart;
     uart->receiving = true;
     uart->lost = uart->buffered == sizeof uart->buffer;
@@ -72,26 +70,22 @@ static void start_byte(struct emulator *emulator)
     avr_cycle_timer_register(emulator->avr, (avr_cycle_count_t)HOST_CYCLES, end_of_byte, emulator);
 }
 
-size_t emulator_send(struct emulator *emulator, const uint8_t *bytes, size_t count)
-{
+size_t emulator_send(struct emulator *emulator, const uint8_t *bytes, size_t count) {
     struct uart *uart = &emulator->uart;
     size_t taken = 0;
     while (taken < count && uart->queued < UART_QUEUE) {
         uart->queue[(uart->first + uart->queued) % UART_QUEUE] = bytes[taken++];
         uart->queued++;
     }
-    if (uart->queued && !uart->receiving)
+    if (uart->queued && !uart->receiving) {
         start_byte(emulator);
+    }
     return taken;
 }
 
-size_t emulator_unsent(const struct emulator *emulator)
-{
-    return emulator->uart.queued;
-}
+size_t emulator_unsent(const struct emulator *emulator) { return emulator->uart.queued; }
 
-size_t emulator_receive(struct emulator *emulator, struct emulator_byte *bytes, size_t count)
-{
+size_t emulator_receive(struct emulator *emulator, struct emulator_byte *bytes, size_t count) {
     struct uart *uart = &emulator->uart;
     size_t taken = count < uart->output_count ? count : uart->output_count;
     memcpy(bytes, uart->output, taken * sizeof *bytes);
@@ -100,18 +94,17 @@ size_t emulator_receive(struct emulator *emulator, struct emulator_byte *bytes, 
     return taken;
 }
 
-static avr_cycle_count_t sending_cycles(const avr_t *avr)
-{
+static avr_cycle_count_t sending_cycles(const avr_t *avr) {
     unsigned rate = avr->data[UBRR0L] | (avr->data[UBRR0H] & 0x0Fu) << 8;
     return FRAME_BITS * (rate + 1) * (avr->data[UCSR0A] & U2X0 ? 8 : 16);
 }
 
-static avr_cycle_count_t end_of_sending(avr_t *avr, avr_cycle_count_t when, void *param)
-{
+static avr_cycle_count_t end_of_sending(avr_t *avr, avr_cycle_count_t when, void *param) {
     struct emulator *emulator = param;
     struct uart *uart = &emulator->uart;
-    if (uart->output_count < UART_OUTPUT)
+    if (uart->output_count < UART_OUTPUT) {
         uart->output[uart->output_count++] = (struct emulator_byte){.cycle = when, .value = uart->shifted};
+    }
     uart->shifting = uart->waiting;
     uart->shifted = uart->next;
     uart->waiting = false;
@@ -120,13 +113,13 @@ static avr_cycle_count_t end_of_sending(avr_t *avr, avr_cycle_count_t when, void
     return uart->shifting ? when + sending_cycles(avr) : 0;
 }
 
-static void write_data(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
-{
+static void write_data(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     struct emulator *emulator = param;
     struct uart *uart = &emulator->uart;
     (void)address;
-    if (!(avr->data[UCSR0B] & TXEN0) || uart->waiting)
+    if (!(avr->data[UCSR0B] & TXEN0) || uart->waiting) {
         return;
+    }
     if (uart->shifting) {
         uart->next = value;
         uart->waiting = true;
@@ -138,8 +131,7 @@ static void write_data(avr_t *avr, avr_io_addr_t address, uint8_t value, void *p
     request_interrupts(emulator);
 }
 
-static uint8_t read_data(avr_t *avr, avr_io_addr_t address, void *param)
-{
+static uint8_t read_data(avr_t *avr, avr_io_addr_t address, void *param) {
     struct emulator *emulator = param;
     struct uart *uart = &emulator->uart;
     if (uart->buffered) {
@@ -151,32 +143,30 @@ static uint8_t read_data(avr_t *avr, avr_io_addr_t address, void *param)
     return avr->data[address];
 }
 
-static void write_status(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
-{
+static void write_status(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     struct emulator *emulator = param;
     avr->data[address] = value & U2X0;
-    if (value & TXC0)
+    if (value & TXC0) {
         emulator->uart.complete = false;
+    }
     show_flags(emulator);
 }
 
-static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
-{
+static void write_control(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     struct emulator *emulator = param;
     avr->data[address] = value;
-    if (!(value & RXEN0))
+    if (!(value & RXEN0)) {
         emulator->uart.buffered = 0;
+    }
     request_interrupts(emulator);
 }
 
-static void write_plain(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param)
-{
+static void write_plain(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     (void)param;
     avr->data[address] = value;
 }
 
-void uart_attach(struct emulator *emulator)
-{
+void uart_attach(struct emulator *emulator) {
     struct uart *uart = &emulator->uart;
     uart->received = find_vector(emulator->avr, USART_RX);
     uart->empty = find_vector(emulator->avr, USART_UDRE);
@@ -188,13 +178,13 @@ void uart_attach(struct emulator *emulator)
     hook_write(emulator, UBRR0L, write_plain);
 }
 
-void uart_reset(struct emulator *emulator)
-{
+void uart_reset(struct emulator *emulator) {
     struct uart *uart = &emulator->uart;
     uart->buffered = uart->overrun = 0;
     uart->shifting = uart->waiting = uart->complete = false;
     uart->receiving = false;
-    if (uart->queued)
+    if (uart->queued) {
         start_byte(emulator);
+    }
     show_flags(emulator);
 }
