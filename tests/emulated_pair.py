@@ -23,7 +23,7 @@ from smadrive.modbus.framing import rtu
 FIRMWARE_VERSION, SERIAL_NUMBER = 200, 123_456
 NOT_COMPARED = {22, 23, 26, 27, 28}
 RANGES = ((0, 5), (16, 14), (32, 3), (48, 3), (64, 6))
-TICK_MS, NEAR_MS, SETTLE_S, LONG_S = 10, 40, 0.06, 0.9
+TICK_MS, NEAR_MS, LATE_FAULT_MS, SETTLE_S, LONG_S = 10, 40, 250, 0.06, 0.9
 WATCHDOG, ARMED, NO_DISPLACEMENT = 48, 1, -0x80000000
 MENDED_S = 1.5
 """The converter looks for an open circuit once in 16 conversions, so it may show the bit OPEN as long as this."""
@@ -100,7 +100,8 @@ class EmulatedPair:
         assert abs(self.program.chip.sink_a * 1e4 - self.core.view.output) <= 1.3  # half a step of the DAC
 
     def break_hardware(self, field, value, fault):
-        """Begin a fault of the hardware for both."""
+        """Begin a fault of the hardware for both. The watchdog must not expire before the core learns of the fault."""
+        self._wait_for_the_watchdog(LATE_FAULT_MS)
         setattr(self.program.world, field, value)
         self.run(0.11)  # the core learns of it when the converter has
         self.detected = fault.value
@@ -139,9 +140,9 @@ class EmulatedPair:
         self.core.poll(self._ticked_ms)
         self.core.tick(inputs, self._ticked_ms)
 
-    def _wait_for_the_watchdog(self):
+    def _wait_for_the_watchdog(self, near_ms=NEAR_MS):
         watchdog_ms = self.core.registers(self.now_ms)[WATCHDOG]
-        while self.core.view.mode == ARMED and self.now_ms - self._fed_ms > watchdog_ms - NEAR_MS:
+        while self.core.view.mode == ARMED and self.now_ms - self._fed_ms > watchdog_ms - near_ms:
             self.run(SETTLE_S)
 
 
