@@ -14,6 +14,8 @@ from firmware_sim.sensors.sensors import Sensors
 NO_TEMPERATURE = -0x8000
 AMPERE, VOLT, DEGREE, MILLIMETRE = 10_000, 1_000, 100, 10_000
 """Counts of the registers for 1 A, 1 V, 1 °C and 1 mm."""
+COUNT_C, COUNT_A, COUNT_V = 0.01, 0.0001, 0.001
+"""One count of the registers. A reading is divided by it, as by the scale in a profile, and rounded alike."""
 
 
 class BoardFault(IntFlag):
@@ -59,10 +61,10 @@ def board_readings(sensors: Sensors) -> BoardReadings:
     for finding in sensors.findings:
         detected |= DETECTED[finding].value
     return BoardReadings(
-        NO_TEMPERATURE if sensors.unreadable else _count(sensors.temperature_c * DEGREE, -0x7FFF, 0x7FFF),
-        _count(sensors.cold_junction_c * DEGREE, -0x7FFF, 0x7FFF),
-        _count(sensors.current_a * AMPERE, 0, 0xFFFF),
-        _count(sensors.voltage_v * VOLT, 0, 0xFFFF),
+        NO_TEMPERATURE if sensors.unreadable else _count(sensors.temperature_c / COUNT_C, -0x7FFF, 0x7FFF),
+        _count(sensors.cold_junction_c / COUNT_C, -0x7FFF, 0x7FFF),
+        _count(sensors.current_a / COUNT_A, 0, 0xFFFF),
+        _count(sensors.voltage_v / COUNT_V, 0, 0xFFFF),
         sensors.conversions & 0xFFFF,
         detected,
     )
