@@ -93,6 +93,8 @@ def restart(emulated):
     assert (seen.armed, seen.device_faults) == (False, ())
     assert emulated.chip.sink_a == 0.0
     emulated.rig.enter_safe_state()
+    emulated.wait(0.1)
+    emulated.rig.measure()  # the count of conversions has begun again, and may be the one that the driver saw last
 
 
 @pytest.mark.parametrize("fate", [fall_silent, lose_the_cable, restart])
