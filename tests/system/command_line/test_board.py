@@ -6,6 +6,7 @@ import sys
 
 import programs
 import pytest
+from marks import exhaustive
 
 FAULTS = '[[faults]]\nat_s = 0.0\nname = "break_wire"\n'
 
@@ -35,12 +36,13 @@ def test_served_board_passes(tmp_path):
     assert verdicts["identity"] == "passed"
 
 
+@pytest.mark.exhaustive
 def test_board_of_version_1_is_a_device_error(tmp_path):
     done = checked(tmp_path, "--profile", "sma-reference:map_version=1")
     assert done.returncode == 3
     assert "map_version = 1" in done.stderr
 
 
-@pytest.mark.parametrize(("port", "code"), [("/dev/no-such-port", 3), ("tcp://127.0.0.1:502", 2)])
+@pytest.mark.parametrize(("port", "code"), [("/dev/no-such-port", 3), exhaustive("tcp://127.0.0.1:502", 2)])
 def test_port_that_cannot_be_used_is_an_error(port, code):
     assert check(port).returncode == code
