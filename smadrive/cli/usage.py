@@ -15,6 +15,10 @@ EXAMPLES = {
     "demo": ("smadrive demo", "smadrive demo --output-dir first-try --seed 3"),
     "list": ("smadrive list",),
     "scan": ("smadrive scan /dev/ttyUSB0", "smadrive scan tcp://192.168.1.10 --units 1-3,7"),
+    "board": (
+        "smadrive board check /dev/ttyUSB0",
+        "smadrive board calibrate /dev/ttyUSB0 --log held.h5 --current 0.2981 --voltage 2.97",
+    ),
     "probe": ("smadrive probe my-rig.toml", "smadrive probe simulated --trace traces"),
     "calibrate": (
         "smadrive calibrate my-rig.toml temperature --point ice --point boiling --pressure-hpa 985",
