@@ -1,0 +1,107 @@
+"""The Dask cluster of a campaign: processes of this machine, or a cluster that is already there.
+
+Every worker has one thread, because a run computes in Python, and one BLAS thread. Dask repeats the tasks of a worker
+that dies. A task that has ended `ALLOWED_FAILURES` workers counts as failed.
+
+Dask executes what is sent to it. A local cluster listens on 127.0.0.1 alone.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+from smadrive.errors import ConfigError, TransportError
+from smadrive.numerics.blas_threads import ONE_THREAD
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+ALLOWED_FAILURES = 25
+CONNECTS_WITHIN_S = 10.0
+"""A scheduler that does not answer for this time is not there."""
+
+SETTINGS = {
+    "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
+    "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, "MALLOC_TRIM_THRESHOLD_": 65536},
+    "distributed.worker.preload": ["smadrive.campaigns.execution.cluster"],
+    "logging": {"distributed": "critical"},
+}
+"""Settings of a local cluster. The environment is set before a worker imports numpy."""
+
+
+def check_dask() -> None:
+    """Raise ConfigError if the extra `campaign` is not installed."""
+    for name in ("distributed", "pyarrow", "pandas"):
+        if importlib.util.find_spec(name) is None:
+            cure = f"install it with `{sys.executable} -m pip install 'smadrive[campaign]'`"
+            raise ConfigError(f"campaigns need {name}", cure=cure)
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def dask_setup(_worker: Any) -> None:
+    """Ignore Ctrl-C in a worker process: the command ends its workers. Dask calls this function in each worker."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def local_client(workers: int) -> Iterator[Client]:
+    """Yield the client of a new cluster with `workers` processes on this machine, and end the cluster afterwards."""
+    import dask  # noqa: PLC0415 (a command that needs no cluster must start at once)
+
+    with dask.config.set(SETTINGS):
+        from distributed import Client, LocalCluster  # noqa: PLC0415
+
+        dashboard = "127.0.0.1:0" if importlib.util.find_spec("bokeh") else None
+        with (
+            LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=dashboard, host="127.0.0.1"
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+
+
+@contextmanager
+def remote_client(address: str) -> Iterator[Client]:
+    """Yield the client of the scheduler at `address`, and leave the cluster running.
+
+    ConfigError for an address that is none, TransportError when no scheduler answers there.
+    """
+    from distributed import Client  # noqa: PLC0415
+
+    where, cure = (
+        "--scheduler",
+        "start `dask scheduler` there, or leave the option out to use the cores of this machine",
+    )
+    try:
+        client = Client(address, timeout=CONNECTS_WITHIN_S, set_as_default=False)
+    except ValueError as error:
+        cure = "write an address such as tcp://192.168.1.10:8786"
+        raise ConfigError("not an address", where=where, value=f"{address}: {error}", cure=cure) from None
+    except OSError:
+        limit = f"{CONNECTS_WITHIN_S:g} s"
+        raise TransportError("no scheduler answers", where=where, value=address, limit=limit, cure=cure) from None
+    try:
+        yield client
+    finally:
+        with suppress(OSError, TimeoutError):
+            client.close()
+
+
+def threads_of(client: Client) -> int:
+    """Return the number of threads of all workers. TransportError for a cluster without a worker."""
+    threads = int(sum(client.nthreads().values()))
+    if not threads:
+        cure = "start workers: dask worker ADDRESS --nthreads 1"
+        raise TransportError("the cluster has no worker", where="--scheduler", cure=cure)
+    return threads
