@@ -83,6 +83,9 @@ def _conduct(
     print_summary(output, plan, result)
     output.say(f"took {duration_text(view.elapsed_s)}")
     output.result(result_object(plan, result, folder))
+    if (result.table["status"] == "failed").all():
+        first = str(result.table["error"].iloc[0])
+        raise ConfigError("every run failed", where=campaign, value=first, cure="correct the campaign file")
 
 
 def _client(scheduler: str | None, workers: int | None) -> AbstractContextManager[Client]:

@@ -9,8 +9,11 @@ from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from smadrive.campaigns.plan.config import AxisConfig
+import numpy as np
+
+from smadrive.campaigns.plan.config import AxisConfig, GridConfig
 from smadrive.errors import ConfigError
+from smadrive.files.config import validate
 
 MOST_RUNS = 1_000_000
 """The largest number of runs of a campaign. Even short runs of this number take days on a large cluster."""
@@ -84,16 +87,25 @@ def _check_size(number: int, where: str) -> None:
 
 
 def _lists(table: Mapping[str, Any], where: str, path: str = "") -> Iterator[tuple[str, list[Any]]]:
-    """Yield (path, values) for each list in a tree of tables. ConfigError for a value that is no list."""
+    """Yield (path, values) for each list or grid in a tree of tables. ConfigError for a value that is neither."""
     for key, value in table.items():
         name = f"{path}.{key}" if path else key
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping) and "number" in value:
+            yield name, _grid(validate(dict(value), GridConfig, f"{where}: {name}"), f"{where}: {name}")
+        elif isinstance(value, Mapping):
             yield from _lists(value, where, name)
         elif isinstance(value, list):
             yield name, value
         else:
             cure = f"write a list, or move the key to [run]: {name} = [{value!r}]"
             raise ConfigError("not a list of values", where=f"{where}: {name}", value=value, cure=cure)
+
+
+def _grid(grid: GridConfig, where: str) -> list[float]:
+    """Return the values of a grid, each rounded to six digits."""
+    _check_size(grid.number, where)
+    space = np.geomspace if grid.spacing == "logarithmic" else np.linspace
+    return [float(f"{value:.6g}") for value in space(grid.low, grid.high, grid.number)]
 
 
 def _files(pattern: str, folder: Path, where: str) -> list[str]:

@@ -97,7 +97,8 @@ class RunSettings(Section):
 
 
 class AxisConfig(Section):
-    """A table of [[vary]]. Each further key is the path of a setting of `[run]`, with a list of its values.
+    """A table of [[vary]]. Each further key is the path of a setting of `[run]`, with a list of its values or
+    with a grid (see `GridConfig`), such as {low = 0.1, high = 0.4, number = 7}.
 
     name           name of the column in the table of results; by default the first path
     labels         texts for the values; needed if a value is a table
@@ -113,6 +114,23 @@ class AxisConfig(Section):
     random_wires: int | None = Field(default=None, ge=1)
     repeats: int | None = Field(default=None, ge=1)
     records: str | None = None
+
+
+class GridConfig(Section):
+    """`number` values from `low` to `high`, in place of a list of values."""
+
+    low: float
+    high: float
+    number: int = Field(ge=2)
+    spacing: Literal["linear", "logarithmic"] = "linear"
+
+    @model_validator(mode="after")
+    def _is_possible(self) -> Self:
+        if self.low == self.high:
+            raise ValueError(f"low and high are equal ({self.low:g}): write two different ends")
+        if self.spacing == "logarithmic" and not (self.low > 0 and self.high > 0):
+            raise ValueError("a logarithmic grid needs ends above 0")
+        return self
 
 
 class ReferenceConfig(Section):

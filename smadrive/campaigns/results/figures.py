@@ -37,6 +37,7 @@ def distribution_plot(table: DataFrame, metric: str) -> Plot:
     wide = low > 0 and high > WIDE_RATIO * low
     edges = np.geomspace(low, high, BINS + 1) if wide else np.linspace(low, high or 1.0, BINS + 1)
     ax.hist(values, bins=edges.tolist() if high > low else 10, color=MEASURED, alpha=0.75)
+    ax.set_axisbelow(True)
     marks = {"median": (50, SETPOINT, "-"), "90 % of the runs": (90, SETPOINT, "--"), "worst": (100, LIMIT, ":")}
     for label, (percentile, colour, style) in marks.items() if values.size else ():
         value = float(np.percentile(values, percentile))
@@ -58,6 +59,7 @@ def sensitivity_plot(found: Sequence[ColumnShare], metric: str) -> Plot:
     shown = list(reversed(found))
     figure, (ax,) = panels((0.28 * len(shown) + 0.6,))
     ax.barh([one.column for one in shown], [100.0 * one.share for one in shown], color=MEASURED, height=0.6)
+    ax.set_axisbelow(True)
     ax.set(xlabel=f"share of the rank variance of {metric} / %", xlim=(0.0, 100.0))
     caption = (
         "Share of the variance of the metric's rank that belongs to each axis, or to each property of a random wire. "

@@ -6,9 +6,10 @@ values, the corrected correlation ratio (epsilon squared) is the share of the va
     eps² = 1 - (1 - eta²) (n - 1) / (n - L)         eta² = Σ n_l (mean R_l - mean R)² / Σ (R - mean R)²
 
 n is the number of runs, n_l and R_l those with value l. On a complete grid eta² is the first-order Sobol index of R.
-The correction makes the expected share 0 for an axis without effect. For a continuous property of a random wire the
-share is the corrected square of Spearman's correlation, 1 - (1 - rho²) (n - 1) / (n - 2). Shares below 0 count as 0.
-Interactions belong to no share, so the shares do not sum up to 1.
+The correction makes the expected share 0 for an axis without effect. A property of random wires gets the part of the
+wires' own share that its correlation explains: eps² of the wires times 1 - (1 - rho²) (m - 1) / (m - 2), with m wires
+and Spearman's correlation rho of the property with the mean rank of each wire. Shares below 0 count as 0. Interactions
+belong to no share, so the shares do not sum up to 1.
 """
 
 from __future__ import annotations
@@ -31,8 +32,11 @@ Array = NDArray[np.float64]
 FEWEST_RUNS = 8
 """With fewer runs a share says nothing."""
 
-MANY = 12
-"""A property of the wire with more values than this is continuous."""
+FEWEST_WIRES = 12
+"""With fewer random wires, a correlation with their properties says nothing."""
+
+WIRES = "wire.seed"
+"""The setting that makes a wire random."""
 
 
 class ColumnShare(NamedTuple):
@@ -62,21 +66,13 @@ def _shares(plan: CampaignPlan, runs: DataFrame, metric: Array) -> Iterator[Colu
         codes = np.unique(runs[axis.name].to_numpy(), return_inverse=True)[1]
         if 1 < np.unique(codes).size < len(runs):
             yield _of_levels(axis.name, codes, metric)
-    for name in WIRE:
-        if name not in runs:
-            continue
-        values = runs[name].to_numpy()
-        distinct, codes = np.unique(values, return_inverse=True)
-        if distinct.size > MANY and values.dtype == np.float64:
-            yield _of_numbers(name, values, metric)
-        elif 1 < distinct.size < len(runs):
-            yield _of_levels(name, codes, metric)
+        if WIRES in axis.settings[0]:
+            yield from _of_properties(runs, codes, metric)
 
 
 def _of_levels(name: str, codes: NDArray[np.intp], metric: Array) -> ColumnShare:
     ranks, levels, n = rankdata(metric), np.unique(codes), metric.size
-    means = np.array([ranks[codes == level].mean() for level in levels])
-    counts = np.array([np.count_nonzero(codes == level) for level in levels])
+    means, counts = _means(ranks, codes), np.bincount(codes)[levels]
     spread = float(np.sum((ranks - ranks.mean()) ** 2))
     eta2 = float(np.sum(counts * (means - ranks.mean()) ** 2)) / spread if spread else 0.0
     share = 1.0 - (1.0 - eta2) * (n - 1) / (n - levels.size)
@@ -84,10 +80,31 @@ def _of_levels(name: str, codes: NDArray[np.intp], metric: Array) -> ColumnShare
     return ColumnShare(name, max(share, 0.0), min(medians), max(medians))
 
 
-def _of_numbers(name: str, values: Array, metric: Array) -> ColumnShare:
-    n, ranks, order = metric.size, rankdata(metric), rankdata(values)
-    rho = float(np.corrcoef(ranks, order)[0, 1]) if np.ptp(ranks) else 0.0
-    share = 1.0 - (1.0 - rho**2) * (n - 1) / (n - 2)
-    fifth = max(n // 5, 1)
-    by_value = metric[np.argsort(values, kind="stable")]
-    return ColumnShare(name, max(share, 0.0), float(np.median(by_value[:fifth])), float(np.median(by_value[-fifth:])))
+def _of_properties(runs: DataFrame, codes: NDArray[np.intp], metric: Array) -> Iterator[ColumnShare]:
+    """Yield the shares of the properties that differ from wire to wire. `codes` are the wires of the runs."""
+    first = np.unique(codes, return_index=True)[1]
+    if first.size < FEWEST_WIRES:
+        return
+    wires = 1.0 if first.size == len(runs) else _of_levels(WIRES, codes, metric).share
+    means = _means(rankdata(metric), codes)
+    for name in WIRE:
+        values = runs[name].to_numpy() if name in runs else np.array([])
+        if values.dtype == np.float64 and np.unique(values[first]).size == first.size:
+            share = wires * _corrected_rho2(values[first], means)
+            yield ColumnShare(name, share, *_medians_of_fifths(values, metric))
+
+
+def _corrected_rho2(values: Array, means: Array) -> float:
+    rho = float(np.corrcoef(rankdata(values), rankdata(means))[0, 1]) if np.ptp(means) else 0.0
+    return max(1.0 - (1.0 - rho**2) * (values.size - 1) / (values.size - 2), 0.0)
+
+
+def _medians_of_fifths(values: Array, metric: Array) -> tuple[float, float]:
+    """Return the median of the metric in the lowest and in the highest fifth of the values."""
+    fifth, by_value = max(values.size // 5, 1), metric[np.argsort(values, kind="stable")]
+    return float(np.median(by_value[:fifth])), float(np.median(by_value[-fifth:]))
+
+
+def _means(ranks: Array, codes: NDArray[np.intp]) -> Array:
+    """Return the mean rank of each level, in the order of the levels."""
+    return np.array([ranks[codes == level].mean() for level in np.unique(codes)])

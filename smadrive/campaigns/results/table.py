@@ -51,7 +51,7 @@ def results_table(plan: CampaignPlan, results: Mapping[int, RunResult]) -> DataF
     columns: dict[str, Any] = {"run": numbers}
     columns |= {axis.name: [one[axis.name] for one in levels] for axis in plan.axes}
     rows = [{"status": "done", "error_type": "", "error": "", **results[number].row} for number in numbers]
-    present = [name for name in COLUMNS if any(name in row for row in rows)]
+    present = [name for name in COLUMNS if name == plan.metric or any(name in row for row in rows)]
     columns |= {name: _series(COLUMNS[name], [row.get(name) for row in rows]) for name in present}
     table = DataFrame(columns)
     table.attrs = {
