@@ -15,6 +15,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
 
 from smadrive.errors import ConfigError, TransportError
 from smadrive.numerics.blas_threads import ONE_THREAD
@@ -23,16 +24,23 @@ if TYPE_CHECKING:
     from distributed import Client
 
 ALLOWED_FAILURES = 25
+OPTION = "--scheduler"
+PROTOCOLS = ("tcp", "tls", "ws", "wss", "ucx")
+
 CONNECTS_WITHIN_S = 10.0
 """A scheduler that does not answer for this time is not there."""
 
 SETTINGS = {
     "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
-    "distributed.nanny.pre-spawn-environ": {**ONE_THREAD, "MALLOC_TRIM_THRESHOLD_": 65536},
+    "distributed.nanny.pre-spawn-environ": {
+        **ONE_THREAD,
+        "MALLOC_TRIM_THRESHOLD_": 65536,
+        "DASK_LOGGING__DISTRIBUTED": "critical",
+    },
     "distributed.worker.preload": ["smadrive.campaigns.execution.cluster"],
     "logging": {"distributed": "critical"},
 }
-"""Settings of a local cluster. The environment is set before a worker imports numpy."""
+"""Settings of a local cluster. The environment is set before a worker imports numpy and dask."""
 
 
 def check_dask() -> None:
@@ -77,20 +85,15 @@ def remote_client(address: str) -> Iterator[Client]:
 
     ConfigError for an address that is none, TransportError when no scheduler answers there.
     """
+    check_address(address)
     from distributed import Client  # noqa: PLC0415
 
-    where, cure = (
-        "--scheduler",
-        "start `dask scheduler` there, or leave the option out to use the cores of this machine",
-    )
     try:
         client = Client(address, timeout=CONNECTS_WITHIN_S, set_as_default=False)
-    except ValueError as error:
-        cure = "write an address such as tcp://192.168.1.10:8786"
-        raise ConfigError("not an address", where=where, value=f"{address}: {error}", cure=cure) from None
     except OSError:
+        cure = "start `dask scheduler` there, or leave the option out to use the cores of this machine"
         limit = f"{CONNECTS_WITHIN_S:g} s"
-        raise TransportError("no scheduler answers", where=where, value=address, limit=limit, cure=cure) from None
+        raise TransportError("no scheduler answers", where=OPTION, value=address, limit=limit, cure=cure) from None
     try:
         yield client
     finally:
@@ -98,10 +101,22 @@ def remote_client(address: str) -> Iterator[Client]:
             client.close()
 
 
+def check_address(address: str) -> None:
+    """Raise ConfigError if `address` is not the address of a scheduler, with protocol, host and port."""
+    try:
+        parts = urlsplit(address)
+        is_address = parts.scheme in PROTOCOLS and bool(parts.hostname) and parts.port is not None
+    except ValueError:
+        is_address = False
+    if not is_address:
+        cure = "write an address such as tcp://192.168.1.10:8786"
+        raise ConfigError("not an address", where=OPTION, value=address, cure=cure)
+
+
 def threads_of(client: Client) -> int:
     """Return the number of threads of all workers. TransportError for a cluster without a worker."""
     threads = int(sum(client.nthreads().values()))
     if not threads:
         cure = "start workers: dask worker ADDRESS --nthreads 1"
-        raise TransportError("the cluster has no worker", where="--scheduler", cure=cure)
+        raise TransportError("the cluster has no worker", where=OPTION, cure=cure)
     return threads
