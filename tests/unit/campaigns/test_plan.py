@@ -1,5 +1,7 @@
 """The campaign file: axes, their combinations, the changes of rig and wire, and mistakes."""
 
+from pathlib import Path
+
 import pytest
 
 from smadrive.campaigns.checks import check_plan
@@ -10,6 +12,9 @@ from smadrive.campaigns.plan.axes import MOST_RUNS
 from smadrive.campaigns.plan.plan import load_plan
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.shipped import configs_dir
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+CAMPAIGNS = sorted([*(configs_dir() / "campaigns").glob("*.toml"), *BENCHMARKS.glob("*.toml")])
 
 BASE = """
 title = "x"
@@ -182,9 +187,9 @@ def test_an_address_has_protocol_host_and_port(address):
     check_address("tls://cluster:8786")
 
 
-@pytest.mark.parametrize("path", sorted((configs_dir() / "campaigns").glob("*.toml")), ids=lambda path: path.stem)
-def test_shipped_campaigns_are_right(path):
-    check_plan(load_plan(path.stem))
+@pytest.mark.parametrize("path", CAMPAIGNS, ids=lambda path: path.stem)
+def test_campaigns_of_the_project_are_right(path):
+    check_plan(load_plan(str(path)))
 
 
 def test_an_unreadable_reference_is_an_error(planned, tmp_path):
