@@ -8,13 +8,14 @@ logs/run-N.h5      the worst runs, executed again         report.html       the 
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from smadrive.campaigns.execution.journal import Journal
-from smadrive.campaigns.execution.scheduling import Finished, run_all
+from smadrive.campaigns.execution.scheduling import Finished, run_all, scheduler_lost
 from smadrive.campaigns.experiments.run import logged_run
-from smadrive.campaigns.plan.plan import CampaignPlan
+from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.campaigns.results.report import write_campaign_report
 from smadrive.campaigns.results.summary import worst_first
 from smadrive.campaigns.results.table import EFFORT, RESULTS, effort_table, results_table, write_table
@@ -70,10 +71,18 @@ def write_worst_logs(client: Client, plan: CampaignPlan, table: DataFrame, folde
     if plan.config.run.experiment != "track" or not numbers:
         return {}
     folder.mkdir(exist_ok=True)
-    runs = [plan.run(number) for number in numbers]
     logs = {}
-    for number, (content, _) in zip(numbers, client.gather(client.map(logged_run, runs, pure=False)), strict=True):
+    for number, content in zip(numbers, _log_contents(client, [plan.run(one) for one in numbers]), strict=True):
         logs[number] = folder / f"run-{number}.h5"
         with replacing(logs[number]) as partial:
             partial.write_bytes(content)
     return logs
+
+
+def _log_contents(client: Client, runs: list[PlannedRun]) -> list[bytes]:
+    """Execute the runs with logs on the cluster. Return the content of each log."""
+    try:
+        contents: list[bytes] = client.gather(client.map(logged_run, runs, pure=False))
+    except CancelledError:
+        raise scheduler_lost() from None
+    return contents

@@ -14,6 +14,7 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -95,10 +96,20 @@ def remote_client(address: str) -> Iterator[Client]:
         limit = f"{CONNECTS_WITHIN_S:g} s"
         raise TransportError("no scheduler answers", where=OPTION, value=address, limit=limit, cure=cure) from None
     try:
+        _check_versions(client)
         yield client
     finally:
         with suppress(OSError, TimeoutError):
             client.close()
+
+
+def _check_versions(client: Client) -> None:
+    """Raise ConfigError if a worker has another version of smadrive, whose runs may be different."""
+    own = version("smadrive")
+    for worker, found in client.run(version, "smadrive", on_error="return").items():
+        if found != own:
+            where, cure = f"worker {worker}", "install the same version of smadrive on all workers"
+            raise ConfigError("another version of smadrive", where=where, value=str(found), limit=own, cure=cure)
 
 
 def check_address(address: str) -> None:

@@ -10,6 +10,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from smadrive.campaigns.execution.cluster import OPTION
 from smadrive.campaigns.execution.journal import Journal
 from smadrive.campaigns.experiments.run import (
     Effort,
@@ -85,11 +86,16 @@ def _submissions(
             yield number, client.submit(execute, plan.run(number), knowledge, key=f"run-{number}-{token}")
 
 
+def scheduler_lost() -> TransportError:
+    """Return the error for a scheduler that has ended."""
+    cure = "start the cluster again, and go on with --resume"
+    return TransportError("the scheduler is lost", where=OPTION, cure=cure)
+
+
 def _result_of(future: Future[RunResult]) -> RunResult:
     """Return the result of a run. A run that ended its workers again and again is a failed run."""
     if future.status in ("cancelled", "lost"):
-        cure = "start the cluster again, and go on with --resume"
-        raise TransportError("the scheduler is lost", where="--scheduler", cure=cure)
+        raise scheduler_lost()
     error: Any = future.exception() if future.status == "error" else None
     if error is None:
         return future.result()

@@ -103,12 +103,12 @@ def execute(run: PlannedRun, knowledge: WireKnowledge | FailedIdentification | N
     return RunResult(row, effort)
 
 
-def logged_run(run: PlannedRun) -> tuple[bytes, Row]:
-    """Execute a tracking run again with a log. Return the content of the log, and the row of the run."""
+def logged_run(run: PlannedRun) -> bytes:
+    """Execute a tracking run again with a log, and return the content of the log."""
     with TemporaryDirectory() as folder:
         log_file = Path(folder) / "run.h5"
-        row = tracking_row(run, _knowledge(run), log_file)
-        return log_file.read_bytes(), row
+        tracking_row(run, _knowledge(run), log_file)
+        return log_file.read_bytes()
 
 
 def _row_or_error(run: PlannedRun, knowledge: WireKnowledge | FailedIdentification | None) -> tuple[Row, str]:
