@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import pandas as pd
 import psutil
@@ -59,19 +60,29 @@ class Campaign:
         assert done.returncode == 0, err
         return json.loads(out)
 
-    def wait_for_runs(self, output, count):
-        """Wait until `count` runs are in the journal."""
+    def wait_for_runs(self, process, output, count):
+        """Wait until `count` runs are in the journal of the command `process`."""
         journal = self.folder / output / "journal.jsonl"
         while not journal.exists() or journal.read_bytes().count(b"\n") <= count:
+            assert process.poll() is None, process.communicate()
             time.sleep(0.05)
 
     def workers_of(self, process):
         """Return the process ids of the workers of a command."""
-        children = psutil.Process(process.pid).children(recursive=True)
-        return [child.pid for child in children if WORKER in str(child.cmdline())]
+        return worker_pids(process.pid)
 
     def table(self, output):
         return pd.read_parquet(self.folder / output / "results.parquet")
+
+
+def worker_pids(pid):
+    """Return the process ids of the workers that the process `pid` has started, directly or not."""
+    found = []
+    for child in psutil.Process(pid).children(recursive=True):
+        with suppress(psutil.Error):  # it has just ended
+            if WORKER in str(child.cmdline()):
+                found.append(child.pid)
+    return found
 
 
 @pytest.fixture
@@ -95,7 +106,7 @@ def free_port():
 @pytest.fixture(autouse=True)
 def _no_process_is_left():
     yield
-    left = [child for child in psutil.Process().children(recursive=True) if WORKER in str(child.cmdline())]
-    for child in left:
-        os.kill(child.pid, signal.SIGKILL)
+    left = worker_pids(os.getpid())
+    for pid in left:
+        os.kill(pid, signal.SIGKILL)
     assert not left

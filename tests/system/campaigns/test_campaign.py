@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from distributed import Client
 
 from smadrive.runs.log.reader import read_log
 
@@ -17,7 +18,7 @@ def test_the_table_does_not_depend_on_workers_kills_and_interruptions(campaign):
     assert (whole["runs"], whole["tripped"], whole["failed"]) == (20, 0, 0)
 
     process = campaign.start("killed-worker", "--workers", "2")
-    campaign.wait_for_runs("killed-worker", 3)
+    campaign.wait_for_runs(process, "killed-worker", 3)
     for worker in campaign.workers_of(process):
         os.kill(worker, signal.SIGKILL)
     out, err = process.communicate()
@@ -25,7 +26,7 @@ def test_the_table_does_not_depend_on_workers_kills_and_interruptions(campaign):
     assert whole["sha256"] in out
 
     process = campaign.start("interrupted", "--workers", "2")
-    campaign.wait_for_runs("interrupted", 3)
+    campaign.wait_for_runs(process, "interrupted", 3)
     os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C in a terminal, which reaches the workers, too
     out, err = process.communicate()
     assert process.returncode == 130
@@ -34,7 +35,7 @@ def test_the_table_does_not_depend_on_workers_kills_and_interruptions(campaign):
     assert campaign.run("interrupted", "--resume", "--workers", "3")["sha256"] == whole["sha256"]
 
     process = campaign.start("killed", "--workers", "2")
-    campaign.wait_for_runs("killed", 3)
+    campaign.wait_for_runs(process, "killed", 3)
     process.kill()
     process.communicate()
     assert campaign.run("killed", "--resume")["sha256"] == whole["sha256"]
@@ -64,6 +65,8 @@ def scheduler(tmp_path):
         processes.append(subprocess.Popen([*command, "--no-dashboard"], stderr=subprocess.DEVNULL, cwd=tmp_path))
         worker = (sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard")
         processes.append(subprocess.Popen([*worker, "--nworkers", "2"], stderr=subprocess.DEVNULL, cwd=tmp_path))
+        with Client(address, timeout=120) as client:
+            client.wait_for_workers(2)
         return address, processes[-2]
 
     yield start
@@ -74,12 +77,12 @@ def scheduler(tmp_path):
 
 
 def test_a_campaign_goes_on_after_its_scheduler_was_killed(campaign, scheduler, free_port):
-    address, process = scheduler(free_port())
-    command = campaign.start("folder", "--scheduler", address)
-    campaign.wait_for_runs("folder", 3)
-    process.kill()
-    _, err = command.communicate()
-    assert command.returncode == 3
+    address, scheduler_process = scheduler(free_port())
+    process = campaign.start("folder", "--scheduler", address)
+    campaign.wait_for_runs(process, "folder", 3)
+    scheduler_process.kill()
+    _, err = process.communicate()
+    assert process.returncode == 3
     assert "--resume" in err
     assert "Traceback" not in err
     resumed = campaign.run("folder", "--resume")
