@@ -9,6 +9,7 @@ Dask executes what is sent to it. A local cluster listens on 127.0.0.1 alone.
 from __future__ import annotations
 
 import importlib.util
+import logging
 import os
 import signal
 import sys
@@ -39,7 +40,6 @@ SETTINGS = {
         "DASK_LOGGING__DISTRIBUTED": "critical",
     },
     "distributed.worker.preload": ["smadrive.campaigns.execution.cluster"],
-    "logging": {"distributed": "critical"},
 }
 """Settings of a local cluster. The environment is set before a worker imports numpy and dask."""
 
@@ -70,6 +70,7 @@ def local_client(workers: int) -> Iterator[Client]:
     with dask.config.set(SETTINGS):
         from distributed import Client, LocalCluster  # noqa: PLC0415
 
+        _silence_logs()
         dashboard = "127.0.0.1:0" if importlib.util.find_spec("bokeh") else None
         with (
             LocalCluster(
@@ -89,8 +90,9 @@ def remote_client(address: str) -> Iterator[Client]:
     check_address(address)
     from distributed import Client  # noqa: PLC0415
 
+    _silence_logs()
     try:
-        client = Client(address, timeout=CONNECTS_WITHIN_S, set_as_default=False)
+        client = Client(address, timeout=CONNECTS_WITHIN_S)
     except OSError:
         cure = "start `dask scheduler` there, or leave the option out to use the cores of this machine"
         limit = f"{CONNECTS_WITHIN_S:g} s"
@@ -101,6 +103,12 @@ def remote_client(address: str) -> Iterator[Client]:
     finally:
         with suppress(OSError, TimeoutError):
             client.close()
+
+
+def _silence_logs() -> None:
+    """Let Dask log nothing about lost connections and dead workers: the command reports them itself."""
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 def _check_versions(client: Client) -> None:
