@@ -113,7 +113,8 @@ def _ranking(ranking: Sequence[ColumnShare], metric: str) -> Iterator[PagePart]:
 
 def _worst(plan: CampaignPlan, table: DataFrame, metric: str, logs: Mapping[int, Path]) -> Iterator[PagePart]:
     axes = [axis.name for axis in plan.axes]
-    worst = worst_first(table, metric).head(max(plan.config.report.worst_logs, 1))
+    scored = table[table["status"] != "failed"]
+    worst = worst_first(scored, metric).head(max(plan.config.report.worst_logs, 1))
     rows = [
         (str(row["run"]), *(level_text(row[name]) for name in axes), level_text(row[metric]), row["status"])
         for _, row in worst.iterrows()

@@ -123,6 +123,7 @@ def replaced(run, **settings):
     return run._replace(settings=run.settings.model_copy(update=settings))
 
 
+@pytest.mark.exhaustive
 def test_a_worker_imports_nothing_that_draws():
     code = (
         "import sys, smadrive.campaigns.experiments.run\n"
