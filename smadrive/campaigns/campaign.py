@@ -47,9 +47,9 @@ def conduct(
 
     `finished` is called with each result, and `step` before each step after the runs.
     """
+    run_all(client, plan, groups, journal, finished)
     with replacing(journal.folder / COPY) as partial:
         partial.write_text(plan.text, encoding="utf-8")
-    run_all(client, plan, groups, journal, finished)
     table = results_table(plan, journal.results)
     digest = write_table(table, journal.folder / RESULTS)
     write_table(effort_table(journal.results), journal.folder / EFFORT)

@@ -71,8 +71,9 @@ def _conduct(
     with output.progress("checking the runs"):
         check_plan(plan)
     with Journal(folder, plan, resume=resume) as journal, _resumable(journal, plan.count, campaign):
-        groups = groups_of(plan, set(journal.results))
-        estimate = estimated(plan, groups)
+        with output.progress("estimating time and disk space"):
+            groups = groups_of(plan, set(journal.results))
+            estimate = estimated(plan, groups)
         check_disk(folder, estimate)
         with _client(scheduler, workers) as client:
             threads = threads_of(client)
@@ -98,6 +99,7 @@ def _resumable(journal: Journal, count: int, campaign: str) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        command = f"smadrive campaign {campaign} -o {journal.folder} --resume"
-        error.add_note(f"{len(journal.results)} of {count} runs are done; go on with `{command}`")
+        if journal.results:
+            command = f"smadrive campaign {campaign} -o {journal.folder} --resume"
+            error.add_note(f"{len(journal.results)} of {count} runs are done; go on with `{command}`")
         raise

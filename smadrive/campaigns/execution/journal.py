@@ -55,7 +55,9 @@ class Journal:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Synchronize the journal to the disk, and release the folder."""
+        """Synchronize the journal to the disk, and release the folder. A new journal without a run is removed."""
+        if not self.results and not self._resume:
+            (self.folder / JOURNAL).unlink()
         self._sync()
         self._file.close()
 

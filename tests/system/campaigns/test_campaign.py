@@ -106,6 +106,7 @@ def test_a_mistake_is_one_sentence_and_loses_nothing(campaign, options, code):
     assert process.returncode == code
     assert "Traceback" not in err
     assert (campaign.folder / "folder" / "mine.txt").read_text() == "kept"
+    assert not list((campaign.folder).glob("other/*"))
 
 
 def test_a_folder_with_files_is_left_alone(campaign):

@@ -106,6 +106,13 @@ def test_another_campaign_does_not_go_on_in_the_folder(short_campaign, tmp_path)
         assert list(journal.results) == [0]
 
 
+def test_a_campaign_without_a_run_leaves_no_journal(short_campaign, tmp_path):
+    for _ in range(2):
+        with Journal(tmp_path / "folder", short_campaign(), resume=False):
+            pass
+    assert list((tmp_path / "folder").iterdir()) == []
+
+
 def test_resume_needs_a_campaign(short_campaign, tmp_path):
     with pytest.raises(DataError), Journal(tmp_path / "nothing", short_campaign(), resume=True):
         pass
