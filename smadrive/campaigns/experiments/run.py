@@ -40,7 +40,7 @@ class FailedIdentification(NamedTuple):
 
 
 class Effort(NamedTuple):
-    """What a run took, which differs from time to time: durations, time of day, process, and the trace of an error.
+    """Durations, time of day and process of a run, and the trace of an unexpected error. They differ each time.
 
     `cpu_s` is the processor time of the run, without its identification. `identification_cpu_s` is that of the
     identification, which the run may share with others.
@@ -79,7 +79,7 @@ def _documents_text(documents: RunDocuments) -> str:
 
 
 def identify(run: PlannedRun) -> WireKnowledge | FailedIdentification:
-    """Excite and identify the wire of a run. An error is the result, so that the runs that need it can tell it."""
+    """Excite and identify the wire of a run. An error is a result: each run that needs this wire has it as its own."""
     began_s = time.thread_time()
     try:
         return excited_wire(run)._replace(cpu_s=time.thread_time() - began_s)

@@ -1,4 +1,4 @@
-"""The campaign file: what a run is, what varies from run to run, and what the report shows.
+"""The campaign file: the settings of its runs, the axes, references, disturbances, and the report.
 
     title = "Tracking error over noise and wires"
     seed = 1
@@ -177,7 +177,7 @@ class DisturbanceConfig(Section):
 
 
 class ReportConfig(Section):
-    """What the report shows.
+    """The content of the report.
 
     metric       the column that is ranked and summarized
     by           columns whose values make the rows of the summary; by default the axes, without random wires

@@ -65,7 +65,7 @@ def sensitivity_plot(found: Sequence[ColumnShare], metric: str) -> Plot:
         "Share of the variance of the metric's rank that belongs to each axis, or to each property of a random wire. "
         "Effects that only occur together are in no share."
     )
-    return Plot("What the metric depends on", figure, caption)
+    return Plot("Sensitivity", figure, caption)
 
 
 def _axis_plot(axis: Axis, table: DataFrame, metric: str) -> Plot:

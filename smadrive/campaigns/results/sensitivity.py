@@ -1,4 +1,4 @@
-"""Which settings and which properties of the wire the metric depends on.
+"""The dependence of the metric on the axes, and on the properties of random wires.
 
 The metric is replaced by its rank R among the runs, so that a few very bad runs do not decide. For an axis with L
 values, the corrected correlation ratio (epsilon squared) is the share of the variance of R between its values:

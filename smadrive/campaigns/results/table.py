@@ -1,8 +1,7 @@
-"""The tables of a campaign as Parquet files: results, and what the runs took.
+"""The tables of a campaign as Parquet files: results and effort.
 
 The table of results has a row for each run, sorted by its number, with the axes first. The same campaign gives the same
-file, to the last bit. Times of day, durations and processes are in a table of their own, because they differ from
-time to time.
+file, to the last bit. Times of day, durations and processes differ each time, so they are in a table of their own.
 
     pandas.read_parquet("results.parquet")                                         a table
     pandas.read_parquet("results.parquet").set_index([AXES]).to_xarray()           a grid

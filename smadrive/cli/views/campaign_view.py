@@ -1,4 +1,4 @@
-"""What `smadrive campaign` shows: the estimate, the progress of the runs, the summary."""
+"""The output of `smadrive campaign`: the estimate, the progress of the runs, the summary."""
 
 from __future__ import annotations
 
