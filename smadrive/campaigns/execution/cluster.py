@@ -85,8 +85,8 @@ def local_client(workers: int) -> Iterator[Client]:
 def remote_client(address: str) -> Iterator[Client]:
     """Yield the client of the scheduler at `address`, and leave the cluster running.
 
-    ConfigError for a malformed address, and for another version of smadrive on a worker. TransportError when no scheduler
-    answers there.
+    ConfigError for a malformed address, and for another version of smadrive on a worker. TransportError when no
+    scheduler answers there.
     """
     check_address(address)
     from distributed import Client  # noqa: PLC0415
