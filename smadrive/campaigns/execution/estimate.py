@@ -25,8 +25,8 @@ from smadrive.runs.tracking_plan import APPROACH_S
 PROBE_S = 5.0
 """Simulated time in which the time of a tick is measured."""
 
-FIT_TICKS = 12_000
-"""The time of a fit, in ticks."""
+FIT_TICKS, MEMORY_TICKS, RANDOM_TICKS = 12_000, 75_000, 25_000
+"""The time of a fit, in ticks: of a wire without memory, of a Preisach wire, and the mean over wires of random kind."""
 
 SMOOTHING_TICKS = 1.5
 """The time of the simulation that smooths a reference, in ticks per tick of the run."""
@@ -99,7 +99,15 @@ def tick_s(run: PlannedRun) -> float:
 
 def _identification_ticks(run: PlannedRun) -> float:
     rig, ambient_c = run.documents.rig, run.documents.sim.wire.ambient_c
-    return rig.rate_hz * excitation_path(rig.excitation, ambient_c).duration_s + FIT_TICKS
+    return rig.rate_hz * excitation_path(rig.excitation, ambient_c).duration_s + _fit_ticks(run)
+
+
+def _fit_ticks(run: PlannedRun) -> int:
+    wire, fit = run.settings.wire, run.settings.fit
+    if fit.kind == "duhem" or fit.memory == 1:
+        return FIT_TICKS
+    kind = run.documents.sim.transformation.kind if wire.seed is None else wire.kind
+    return RANDOM_TICKS if kind is None else MEMORY_TICKS if kind == "preisach" else FIT_TICKS
 
 
 def _tracking_ticks(run: PlannedRun) -> float:
