@@ -30,13 +30,13 @@ def write_campaign_report(
 ) -> None:
     """Write the page. `digest` is the SHA-256 of the table, and `logs` are the logs of the worst runs by number."""
     metric, by = plan.metric, summary_columns(plan)
-    ranking = sensitivities(plan, table, metric)
+    ranking, has_values = sensitivities(plan, table, metric), bool(table[metric].notna().any())
     parts: list[PagePart] = [
         _end(plan, table),
         Tiles(_tiles(table, metric)),
-        distribution_plot(table, metric),
+        *([distribution_plot(table, metric)] if has_values else []),
         summary_grid(by, metric, summarized(table, metric, by)),
-        *axis_plots(plan, table, metric),
+        *(axis_plots(plan, table, metric) if has_values else ()),
         *_two_axes(plan, table, metric),
         *_ranking(ranking, metric),
         *_worst(plan, table, metric, logs),

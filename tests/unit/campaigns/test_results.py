@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from smadrive.campaigns.experiments.run import Effort, RunResult
+from smadrive.campaigns.results.report import write_campaign_report
 from smadrive.campaigns.results.sensitivity import sensitivities
 from smadrive.campaigns.results.summary import summarized, worst_first
 from smadrive.campaigns.results.table import results_table, write_table
@@ -68,3 +69,18 @@ def test_the_table_opens_in_one_line_with_units_and_provenance(plan, tmp_path):
     grid = read.set_index(read.attrs["axes"]).to_xarray()
     assert dict(grid.sizes) == {"wire.seed": 2, "sim.thermocouple.noise_c": 3, "rig.rate_hz": 2, "seed": 5}
     assert digest == write_table(table, tmp_path / "again.parquet")
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("failed", [0, 3, 60])
+def test_the_page_shows_axes_errors_and_sensitivity(plan, tmp_path, failed):
+    table = table_with(plan, lambda levels, random: levels["sim.thermocouple.noise_c"] + 0.1 * random.uniform())
+    table.loc[: failed - 1, ["status", "error_type", "error"]] = ["failed", "ConfigError", "the wire is <broken>"]
+    table.loc[: failed - 1, "rms_percent"] = np.nan
+    write_campaign_report(tmp_path / "report.html", plan, table, "digest", {})
+    page = (tmp_path / "report.html").read_text()
+    assert ("Trips and failures" in page) == (failed > 0)
+    assert ("ConfigError: the wire is &lt;broken&gt;" in page) == (failed > 0)
+    assert ("By rig.rate_hz" in page, "Distribution" in page, "Sensitivity" in page) == (failed < 60,) * 3
+    assert "By seed" not in page
+    assert "digest" in page
