@@ -20,6 +20,7 @@ from smadrive.identification.excitation import Excitation
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import excite, plan_excitation
+from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_metadata import excitation_of
 from smadrive.runs.run_metrics import tripped_loop_metrics
@@ -35,7 +36,11 @@ def main(
     output = Output(as_json)
     check_output(log_file, LOG)
     try:
-        with log_named_at_interruption(log_file, "the experiment"), Rig(load_rig(rig), trace_folder=trace) as open_rig:
+        with (
+            log_named_at_interruption(log_file, "the experiment"),
+            health_recorded(log_file, output.warn),
+            Rig(load_rig(rig), trace_folder=trace) as open_rig,
+        ):
             excitation = plan_excitation(open_rig)
             metrics = _excite(log_file, open_rig, excitation, output)
     except TripError as trip:

@@ -4,26 +4,44 @@ from __future__ import annotations
 
 import shlex
 from math import isfinite
+from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.views.health_report import show_health
 from smadrive.display.card import quantity
 from smadrive.measurement import Measurement
 from smadrive.rig.calibration.description import descriptions, today
-from smadrive.rig.config import load_rig
+from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.rig.switching_off.guardians import notes_waiting_guardians, waiting_guardians
+from smadrive.runs.health.assessment import assess, health_values
 from smadrive.wire.cold_wire import cold_wire_caveats
 
 
-def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> None:
-    """Connect to RIG, check the identity of every device and show live values. The heater stays off."""
+def main(
+    rig: RigFile,
+    model: Annotated[
+        Path | None, typer.Option(help="Model file whose wire is assessed; by default the model of the rig file.")
+    ] = None,
+    trace: TraceFolder = None,
+    as_json: AsJson = False,
+) -> None:
+    """Connect to RIG, check the identity of every device, show live values and the drift of the wire.
+
+    The heater stays off.
+    """
     output = Output(as_json)
     config = load_rig(rig)
     with notes_waiting_guardians(), Rig(config, trace_folder=trace) as open_rig:
         measurement = open_rig.measure()
         identities = {name: str(identity) for name, identity in open_rig.identify().items()}
         tripped = open_rig.latch.read()
+        wire_file = model or _model_file(config)
+        found = None if wire_file is None else assess(wire_file, config.feedback)
     waiting = waiting_guardians()
     caveats = cold_wire_caveats(measurement.temperature_c, open_rig.data_sheet.ambient_c)
     for name, identity in identities.items():
@@ -31,6 +49,8 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
     output.table(("quantity", "value"), _rows(measurement))
     for description in descriptions(config.calibration, today()).values():
         output.say(f"{config.name}: {description}")
+    if found is not None:
+        show_health(output, found)
     output.warn(caveats)
     _print_latched(output, measurement, tripped, rig)
     for guardian in waiting:
@@ -44,8 +64,14 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
             "caveats": caveats,
             "tripped": tripped,
             "waiting_guardians": waiting,
+            "wire": None if found is None else health_values(found),
         }
     )
+
+
+def _model_file(config: RigConfig) -> Path | None:
+    """Return the model file of the rig; None if it names none, or one that does not exist yet."""
+    return Path(config.model) if config.model is not None and Path(config.model).is_file() else None
 
 
 def _print_latched(output: Output, measurement: Measurement, tripped: str | None, rig: str) -> None:

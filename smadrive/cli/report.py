@@ -17,6 +17,7 @@ from smadrive.files.csv_table import write_table
 from smadrive.files.kinds import LOG, PAGE, TABLE, check_kind
 from smadrive.runs.comparison.comparison import RunComparison
 from smadrive.runs.cycling.cycles import cycles_of
+from smadrive.runs.health.assessment import assessment_of, health_values
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.session_record import plain_events
 
@@ -69,6 +70,7 @@ def main(
             **asdict(summary),
             "caveats": log.caveats,
             "events": [event._asdict() for event in plain_events(log)],
+            **({} if (found := assessment_of(log)) is None else {"wire": health_values(found)}),
             **({"cycles": [asdict(one) for one in cycles]} if (cycles := cycles_of(log)) else {}),
         }
     )

@@ -25,6 +25,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.continuation import continuation_of
 from smadrive.runs.cycling.cycles import CYCLE_HEADER, Cycling, cycle_rows, cycles_of, cycling_of, thinned
 from smadrive.runs.experiments import read_reference, track
+from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop_metrics
 from smadrive.runs.tracking_plan import RETURN_S, check_reach, plan_tracking
@@ -86,7 +87,11 @@ def main(
         output.say(_resumed_text(given.cycling, smooth=smooth))
     rest = "" if given.cycling is None else _rest_text(rig, log_file)
     try:
-        with log_named_at_interruption(log_file, "the run", rest), Rig(config, trace_folder=trace) as open_rig:
+        with (
+            log_named_at_interruption(log_file, "the run", rest),
+            health_recorded(log_file, output.warn),
+            Rig(config, trace_folder=trace) as open_rig,
+        ):
             plan = plan_tracking(
                 open_rig, given.reference, given.wire, smooth=smooth, smooth_option="--smooth", cycling=given.cycling
             )

@@ -28,7 +28,9 @@ from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import read_reference
-from smadrive.runs.run_log import record_session
+from smadrive.runs.health.assessment import assess, expected_of
+from smadrive.runs.health.recording import health_recorded
+from smadrive.runs.run_log import WIRE_FILE, record_session
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
@@ -81,10 +83,18 @@ def main(
         view = TuneView(config.name, page, channel)
         log_file = new_log_file(folder)
         begun_with = IdentifiedWire(wire.model, balance)
-        recording = record_session(log_file, open_rig, begun_with, caveats=json.dumps(wire.caveats))
+        wire_file = Path(wire.source).absolute()
+        notes = {"caveats": json.dumps(wire.caveats), WIRE_FILE: str(wire_file)}
+        recording = record_session(log_file, open_rig, begun_with, **notes)
         log_files.append(log_file)
-        with recording as recorder:
-            session = TuningSession(open_rig, tuning, balance, references, channel, builder, view.tick, recorder)
+        found = assess(wire_file, config.feedback)
+        output.warn(found.caveats)
+        with health_recorded(log_file, output.warn), recording as recorder:
+            session = TuningSession(
+                open_rig, tuning, balance, references, channel, builder, view.tick, recorder, expected_of(wire)
+            )
+            if found.health is not None:
+                session.note_health(found.health)
             with page:
                 output.say(f"{config.name}: {page.url}")
                 output.result({"url": page.url, "pid": page.server.pid, "log_file": str(log_file)})

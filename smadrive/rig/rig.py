@@ -22,7 +22,7 @@ from smadrive.devices.state.latch import TripLatch
 from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.files.number_text import distinct
-from smadrive.hysteresis import HysteresisModel, IdentifiedModel
+from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import Measurement
 from smadrive.modbus.transports.transport import Transport
@@ -36,6 +36,7 @@ from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
 from smadrive.safety.supervisor import Supervisor
 from smadrive.wire.data_sheet import load_data_sheet
+from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
 
 Record = Callable[[Tick], None]
@@ -142,21 +143,23 @@ class Rig:
         balance: HeatBalance,
         inverse: DisplacementInverse,
         record: Record,
+        expected: ExpectedRest | None = None,
     ) -> LoopMetrics:
         """Track a displacement reference with the given inverse model. Return the metrics of the loop.
 
-        `record` is called with every tick.
+        `record` is called with every tick. A jump of the resistance away from `expected` is a fault.
         """
         controller = tracking_controller(self.config, reference, model, balance, inverse)
-        return self.drive(controller, balance, record, model)
+        return self.drive(controller, balance, record, model, expected=expected)
 
     def drive(
         self,
         controller: Controller,
         balance: HeatBalance,
         record: Record,
-        model: HysteresisModel | None = None,
+        model: IdentifiedModel | None = None,
         stop_requested: StopRequested = never,
+        expected: ExpectedRest | None = None,
     ) -> LoopMetrics:
         """Arm, run `controller` to its end, and disarm. Return the metrics of the loop.
 
@@ -164,9 +167,10 @@ class Rig:
         balance           heat balance of the wire; ConfigError if it cannot belong to the rig's wire
         model             if given, a displacement outside the model's range at the measured temperature is a fault
         stop_requested    called before every exchange; the run ends when it returns True
+        expected          if given with a model, a jump of the resistance at rest away from it is a fault
         """
         self.check_balance(balance)
-        return self._run(controller, self._supervisor(balance, model), record, stop_requested)
+        return self._run(controller, self._supervisor(balance, model, expected), record, stop_requested)
 
     def check_balance(self, balance: HeatBalance) -> None:
         """Raise ConfigError if this heat balance cannot belong to the rig's wire; see check_same_wire."""
@@ -186,8 +190,10 @@ class Rig:
         self.enter_safe_state()
         self.clock.sleep_until(self.clock.now_s() + duration_s)
 
-    def _supervisor(self, balance: HeatBalance, model: HysteresisModel | None = None) -> Supervisor:
-        return supervisor(self.config, self.heater, balance, model)
+    def _supervisor(
+        self, balance: HeatBalance, model: IdentifiedModel | None = None, expected: ExpectedRest | None = None
+    ) -> Supervisor:
+        return supervisor(self.config, self.heater, balance, model, expected)
 
     def _run(
         self, controller: Controller, supervisor: Supervisor, record: Record, stop_requested: StopRequested = never

@@ -8,14 +8,17 @@ from smadrive.devices.heater import Heater
 from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
-from smadrive.hysteresis import HysteresisModel
+from smadrive.hysteresis import IdentifiedModel
 from smadrive.rig.config import RigConfig
 from smadrive.rig.plan import STALE_PERIODS
 from smadrive.safety.displacement_band import DisplacementBand
+from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import UNCERTAINTIES, TemperatureBand
+from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_model import WireModel
 
 LAG_FACTOR = 3.0
 """Multiple of the thermocouple's nominal lag that the supervisor allows before a reading counts as implausible."""
@@ -31,18 +34,28 @@ CURRENT_TOLERANCE_A = 0.05
 
 
 def supervisor(
-    config: RigConfig, heater: Heater, balance: HeatBalance, model: HysteresisModel | None = None
+    config: RigConfig,
+    heater: Heater,
+    balance: HeatBalance,
+    model: IdentifiedModel | None = None,
+    expected: ExpectedRest | None = None,
 ) -> Supervisor:
     """Return the supervisor of a run with the limits of the rig file.
 
-    With a model, a displacement outside the model's range is a fault. ConfigError if the wire can overheat between two
-    temperature readings.
+    With a model, a displacement outside the model's range is a fault, and with an `expected` resistance a jump away
+    from it. ConfigError if the wire can overheat between two temperature readings.
     """
     _check_thermometer(config, heater.temperature_period_s, balance)
     lag_s = LAG_FACTOR * balance.thermocouple_lag_s
     limits = _safety_limits(config, heater.source.settle_s, lag_s)
     band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s + heater.temperature_period_s)
-    return Supervisor(limits, band, None if model is None else DisplacementBand(model))
+    if model is None:
+        return Supervisor(limits, band)
+    displacement = DisplacementBand(model)
+    if expected is None:
+        return Supervisor(limits, band, displacement)
+    resistance = ResistanceBand(WireModel(model, balance), displacement, expected, config.limits.current_max_a)
+    return Supervisor(limits, band, displacement, resistance)
 
 
 def stale_after_s(config: RigConfig) -> float:

@@ -59,6 +59,8 @@ COLUMNS = {
     "estimated_c": Column("command.estimated_c", "degC", "temperature", "estimated"),
     "estimated_mm": Column("command.estimated_mm", "mm", "displacement", "estimated"),
     "power_w": Column("command.power_w", "W", "power", "commanded"),
+    "cooling": Column("command.cooling", "1", "heat loss", "estimated, divided by the identified"),
+    "shift_c": Column("command.shift_c", "K", "shift of the transformation", "estimated"),
     "commanded_a": Column("command.commanded_a", "A", "current", "commanded"),
     "in_force_a": Column("measurement.in_force_a", "A", "current", "in force"),
     "temperature_age_s": Column("measurement.temperature_age_s", "s", "age of the temperature"),

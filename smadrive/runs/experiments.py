@@ -24,7 +24,9 @@ from smadrive.rig.config_checks import check_step
 from smadrive.rig.controllers import step_controller
 from smadrive.rig.rig import Record, Rig
 from smadrive.runs.cycling.cycles import CycleEvents
+from smadrive.runs.health.assessment import expected_of, wire_file_of
 from smadrive.runs.run_log import (
+    WIRE_FILE,
     TickRecorder,
     record_controller,
     record_excitation,
@@ -60,8 +62,10 @@ def plan_excitation(rig: Rig) -> Excitation:
 
 def excite(log_file: Path, rig: Rig, excitation: Excitation, watch: Watch) -> LoopMetrics:
     """Run an identification experiment and record it in `log_file`. TripError after a trip."""
+    wire_file = Path(rig.config.model).absolute() if rig.config.model else None
+    notes = {WIRE_FILE: str(wire_file)} if wire_file is not None and wire_file.is_file() else {}
     with (
-        record_excitation(log_file, rig, excitation) as recorder,
+        record_excitation(log_file, rig, excitation, **notes) as recorder,
         watch(recorder, excitation.duration_s) as record,
     ):
         return rig.excite(excitation, record)
@@ -120,12 +124,13 @@ def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> Loop
     inverse = HysteresisInverse(model)
     notes = {"given_reference": reference_text(plan.given), "caveats": json.dumps(plan.caveats)}
     notes |= {} if plan.cycling is None else {"cycling": plan.cycling.text()}
+    notes |= {} if plan.wire_file is None else {WIRE_FILE: str(plan.wire_file)}
     with (
         record_tracking(log_file, rig, plan.nearest, model, balance, inverse, **notes) as recorder,
         watch(recorder, plan.nearest.duration_s) as record,
     ):
         if plan.cycling is None:
-            return rig.track(plan.nearest, model, balance, inverse, record)
+            return rig.track(plan.nearest, model, balance, inverse, record, plan.expected)
         ends_mm, current_max_a = travel_mm(model), rig.config.limits.current_max_a
         cycles = CycleEvents(recorder.event, plan.nearest, plan.cycling, ends_mm, current_max_a)
 
@@ -133,7 +138,7 @@ def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> Loop
             cycles.tick(tick)
             record(tick)
 
-        loop = rig.track(plan.nearest, model, balance, inverse, record_cycles)
+        loop = rig.track(plan.nearest, model, balance, inverse, record_cycles, plan.expected)
         cycles.finish()
         return loop
 
@@ -143,12 +148,13 @@ def drive(
 ) -> LoopMetrics:
     """Run the user's controller on the identified wire and record it in `log_file`. TripError after a trip."""
     balance = identified.heat_balance or rig.nominal_balance
-    wire = IdentifiedWire(identified.model, balance)
+    wire, wire_file = IdentifiedWire(identified.model, balance), wire_file_of(identified)
+    notes = {} if wire_file is None else {WIRE_FILE: str(wire_file)}
     with (
-        record_controller(log_file, rig, wire, name, controller.duration_s) as recorder,
+        record_controller(log_file, rig, wire, name, controller.duration_s, **notes) as recorder,
         watch(recorder, controller.duration_s) as record,
     ):
-        return rig.drive(controller, balance, record, identified.model)
+        return rig.drive(controller, balance, record, identified.model, expected=expected_of(identified))
 
 
 def read_reference(text: str) -> Reference:

@@ -53,7 +53,10 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """The replayed columns that a controller computes, and their differences from the recorded ones, by column name."""
+    """The replayed columns that a controller computes, and their differences from the recorded ones, by column name.
+
+    A column that the log lacks is left out, because an older version recorded it.
+    """
 
     time_s: Array
     columns: dict[str, Array]
@@ -74,7 +77,8 @@ def replay(log: Log, wire: IdentifiedWire | None = None) -> Replay:
     if time_s.size == 0:
         raise DataError("no tick was recorded", where=log.path, cure=RECORD)
     commands = list(_commands(log, _controller(log, wire)))
-    columns = {name: np.array([getattr(command, key) for command in commands]) for name, key in COMMAND_FIELDS.items()}
+    recorded = {name: key for name, key in COMMAND_FIELDS.items() if name in log.columns}
+    columns = {name: np.array([getattr(command, key) for command in commands]) for name, key in recorded.items()}
     differences = {name: _difference(log.column_with_gaps(name), values, time_s) for name, values in columns.items()}
     return Replay(time_s, columns, differences)
 

@@ -45,6 +45,9 @@ STEP = "manual step"
 OBSERVATION = "observation"
 """The metadata text `kind` of a log of the command `watch`: measurements without heat."""
 
+WIRE_FILE = "wire_file"
+"""The metadata text with the path of the wire file of the run. It is missing if the wire came from elsewhere."""
+
 _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 
 
@@ -125,9 +128,15 @@ def record_tracking(
     return _open(path, rig, {**metadata, **notes}, reference.duration_s)
 
 
-def record_controller(path: Path, rig: Rig, wire: IdentifiedWire, name: str, duration_s: float) -> TickRecorder:
-    """Create the log of a run of the user's controller `name` on the identified wire, and return its recorder."""
-    return _open(path, rig, {"kind": OWN_CONTROLLER, "controller": name, "wire": wire.text()}, duration_s)
+def record_controller(
+    path: Path, rig: Rig, wire: IdentifiedWire, name: str, duration_s: float, **notes: str
+) -> TickRecorder:
+    """Create the log of a run of the user's controller `name` on the identified wire, and return its recorder.
+
+    `notes` are further metadata.
+    """
+    metadata = {"kind": OWN_CONTROLLER, "controller": name, "wire": wire.text()}
+    return _open(path, rig, {**metadata, **notes}, duration_s)
 
 
 def record_session(path: Path, rig: Rig, wire: IdentifiedWire, **notes: str) -> TickRecorder:

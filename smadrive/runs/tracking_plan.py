@@ -21,7 +21,9 @@ from smadrive.measurement import Measurement
 from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.cycles import Cycling
+from smadrive.runs.health.assessment import expected_of, wire_file_of
 from smadrive.safety.supervisor import check_thermocouple
+from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.recorded_loops import dropped_turns, outside
 from smadrive.wire.wire_model import WireModel, WireState, travel_mm
@@ -40,7 +42,8 @@ class PlannedTracking:
     """A tracking run that was simulated on the model of its wire.
 
     `given` is the reference with its approach. `nearest` is the reference that the run tracks; it equals `given` if the
-    wire can follow `given`. `caveats` are reasons to distrust the run, one sentence each.
+    wire can follow `given`. `caveats` are reasons to distrust the run, one sentence each. `expected` is the resistance
+    that the run is expected to find, from the health record beside `wire_file`.
     """
 
     given: Reference
@@ -48,6 +51,8 @@ class PlannedTracking:
     wire: WireModel
     caveats: tuple[str, ...]
     cycling: Cycling | None = None
+    wire_file: Path | None = None
+    expected: ExpectedRest | None = None
 
 
 def check_reach(given: Reference, identified: IdentifiedWire) -> None:
@@ -124,7 +129,8 @@ def plan_tracking(
             _simulated(rig, nearest, wire, start).check(limit_c, smooth=smooth, smooth_option=smooth_option)
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
     caveats = *simulated.caveats, *_caveats_of(identified), *_memory_caveats(identified, simulated), *not_adapted
-    return PlannedTracking(given, nearest, wire, caveats, cycling)
+    from_record = wire_file_of(identified), expected_of(identified)
+    return PlannedTracking(given, nearest, wire, caveats, cycling, *from_record)
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:

@@ -104,6 +104,12 @@ class Fault(Enum):
         "check the sensor, its supply and its range",
     )
 
+    RESISTANCE_JUMPED = (
+        20,
+        "the resistance of the wire is far from the resistance of its last runs",
+        "check crimps, leads and plugs; is it another wire? If wire and circuit are right, identify the wire again",
+    )
+
     def __init__(self, number: int, cause: str, remedy: str) -> None:
         self.number = number
         self.cause = cause

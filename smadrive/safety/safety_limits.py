@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 
 from smadrive.measurement import Measurement
 
@@ -30,6 +30,11 @@ class SafetyLimits:
     tracking_max_mm: float = inf
     tracking_for_s: float = 2.0
     misplaced_for_s: float = 2.0
+
+    @property
+    def has_displacement(self) -> bool:
+        """True if a limit needs the displacement."""
+        return any(map(isfinite, (self.displacement_min_mm, self.displacement_max_mm, self.tracking_max_mm)))
 
     def device_faults(self, measurement: Measurement) -> tuple[str, str | None]:
         """Return the latched faults of the device, and the limit of the rig that the measurement has exceeded.

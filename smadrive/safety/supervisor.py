@@ -14,6 +14,7 @@ from smadrive.measurement import Measurement
 from smadrive.safety.debounce import Debounce
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR, Fault, Trip
+from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
 
@@ -27,8 +28,8 @@ REFUSED = "refused to arm"
 class Supervisor:
     """Checks each measurement, and the time since the last measurement; the first fault is latched as `trip`.
 
-    `temperature_band` compares the reading with the heat input, and `displacement_band` the displacement with the model
-    of the wire. A band that is None is not checked.
+    `temperature_band` compares the reading with the heat input, `displacement_band` the displacement with the model of
+    the wire, and `resistance_band` the resistance with its last runs. A band that is None is not checked.
     """
 
     def __init__(
@@ -36,10 +37,12 @@ class Supervisor:
         limits: SafetyLimits,
         temperature_band: TemperatureBand | None = None,
         displacement_band: DisplacementBand | None = None,
+        resistance_band: ResistanceBand | None = None,
     ) -> None:
         self._limits = limits
         self._temperature_band = temperature_band
         self._displacement_band = displacement_band
+        self._resistance_band = resistance_band
         self.trip: Trip | None = None
         self._hot = Debounce(2, 3)
         self._cold = Debounce(3, 5)
@@ -55,8 +58,7 @@ class Supervisor:
         self._fresh_s: float | None = None
         self._following_s: float | None = None
         self._displaced_s = inf
-        limits_mm = limits.displacement_min_mm, limits.displacement_max_mm, limits.tracking_max_mm
-        self._limits_displacement = any(map(isfinite, limits_mm))
+        self._limits_displacement = limits.has_displacement
         self._in_band_s: float | None = None
         self._late_ticks = 0
 
@@ -72,6 +74,7 @@ class Supervisor:
         self._check_temperature_band(measurement, dt_s)
         self._check_displacement(measurement, setpoint_mm)
         self._check_displacement_band(measurement)
+        self._check_resistance_band(measurement)
         return self.trip
 
     def check_fresh(self, now_s: float) -> Trip | None:
@@ -165,16 +168,27 @@ class Supervisor:
             return
         reading_c = measurement.temperature_c
         band = self._temperature_band.update(reading_c, self._power_w, dt_s)
-        if band.coldest_c > self._limits.temperature_max_c:
+        is_cool = self._is_cool_by_displacement(measurement)
+        if band.coldest_c > self._limits.temperature_max_c and not is_cool:
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
         if self._frozen.update(band.unseen_c > FROZEN_C):
             detail = f"{reading_c:.2f} °C, while the wire's temperature changed by at least {band.unseen_c:.0f} K"
             self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
-        if self._implausible.update(not band.low_c <= reading_c <= band.high_c):
-            fault = Fault.READS_TOO_COLD if reading_c < band.low_c else Fault.READS_TOO_HOT
+        is_too_cold = reading_c < band.low_c and not is_cool
+        if self._implausible.update(is_too_cold or not reading_c <= band.high_c):
+            fault = Fault.READS_TOO_COLD if is_too_cold else Fault.READS_TOO_HOT
             detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"
             self._raise(fault, measurement.time_s, detail)
+
+    def _is_cool_by_displacement(self, measurement: Measurement) -> bool:
+        """Return True if the measured displacement excludes a wire above `temperature_max_c`.
+
+        A wire that is colder than its heat input allows is then in a draft: the reading is right.
+        """
+        if self._displacement_band is None or self._outside_band(measurement) is not None:
+            return False
+        return self._displacement_band.hottest_c(measurement.displacement_mm) <= self._limits.temperature_max_c
 
     def _check_displacement(self, measurement: Measurement, setpoint_mm: float) -> None:
         limits, measured_mm = self._limits, measurement.displacement_mm
@@ -199,6 +213,10 @@ class Supervisor:
             self._in_band_s = measurement.time_s
         elif measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
             self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, outside)
+
+    def _check_resistance_band(self, measurement: Measurement) -> None:
+        if self._resistance_band is not None and (jump := self._resistance_band.jumped(measurement)):
+            self._raise(Fault.RESISTANCE_JUMPED, measurement.time_s, *jump.texts())
 
     def _outside_band(self, measurement: Measurement) -> str | None:
         if self._displacement_band is None:

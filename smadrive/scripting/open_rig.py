@@ -15,6 +15,7 @@ from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
 from smadrive.rig.config import RigConfig
+from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.tracking_plan import check_reach
 from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
@@ -200,14 +201,15 @@ class OpenRig:
 
     def _run(self, title: str, request: Any, path: Path) -> Run:
         self._check_open()
+        warnings: list[str] = []
         try:
-            with shown_progress(f"{title}, {path.name}") as show:
+            with health_recorded(path, warnings.extend), shown_progress(f"{title}, {path.name}") as show:
                 driven: DrivenRun = self._client.call(request, show)
         except BaseException as error:
             if os.path.lexists(path):
                 error.add_note(f"the record of the run up to its end: {path}")
             raise
-        return Run(read_log(path), driven)
+        return Run(read_log(path), driven, warnings)
 
     def _call(self, request: Any) -> Any:
         self._check_open()

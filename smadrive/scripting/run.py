@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
@@ -55,7 +55,8 @@ class Run:
     controller as it was at the end of the run.
     """
 
-    def __init__(self, log: Log, driven: DrivenRun | None = None) -> None:
+    def __init__(self, log: Log, driven: DrivenRun | None = None, warnings: Iterable[str] = ()) -> None:
+        self._warnings = (*warnings, *(() if driven is None else driven.doubts))
         self.log = log
         self.controller = None if driven is None else driven.controller
         self._driven = driven
@@ -126,7 +127,7 @@ class Run:
     @property
     def caveats(self) -> tuple[str, ...]:
         """Reasons to distrust the metrics, one sentence each."""
-        return (*run_caveats(self.log), *(() if self._driven is None else self._driven.doubts))
+        return (*run_caveats(self.log), *self._warnings)
 
     def plot(self, figure: str | None = None) -> PlotFigure:
         """Return the matplotlib figure 'tracking', 'loop', 'heat' or 'timing'; by default the first that exists.

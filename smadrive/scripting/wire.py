@@ -17,7 +17,9 @@ from smadrive.identification.memory.fit import check_memory
 from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, MOST_FITTED_COMPONENTS, AnyFit, FitSettings, Kind
 from smadrive.numerics.arrays import paired_vectors
 from smadrive.numerics.scalars import whole_number
+from smadrive.rig.config import FeedbackConfig
 from smadrive.runs.figures.fit_plots import loop_figure, model_figure
+from smadrive.runs.health.assessment import assess, wire_file_of
 from smadrive.runs.plots import PlotFigure
 from smadrive.runs.record_fit import (
     INPUT,
@@ -31,6 +33,7 @@ from smadrive.runs.record_fit import (
 )
 from smadrive.scripting.arguments import path_text
 from smadrive.scripting.run import Run
+from smadrive.wire.health.drift import WireHealth
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.identified_wire import load_wire as load_wire_file
 
@@ -45,6 +48,7 @@ class Wire(IdentifiedWire):
     wire = smadrive.identify(run)
     wire.fit.rms_percent, wire.model, wire.heat_balance
     wire.save("wire.json")
+    print(smadrive.load_wire("wire.json").health)
     """
 
     _fit: AnyFit | None = None
@@ -61,6 +65,15 @@ class Wire(IdentifiedWire):
     def plot(self) -> PlotFigure:
         """Return a matplotlib figure of the loop. It shows record and model; for a loaded wire, only the model."""
         return model_figure(self.model) if self._fit is None else loop_figure(self._fit, self.axes)
+
+    @property
+    def health(self) -> WireHealth | None:
+        """The drift of the wire since its identification, from the record beside its file.
+
+        None for a wire that was not loaded from a file, and for a file without a record.
+        """
+        wire_file = wire_file_of(self)
+        return None if wire_file is None else assess(wire_file, FeedbackConfig()).health
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the wire to a file (.json), with the time of writing. DataError when the file cannot be written."""

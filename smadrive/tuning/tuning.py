@@ -11,16 +11,13 @@ from smadrive.errors import CertificateError, ConfigError, ModelError
 from smadrive.files.config import validate
 from smadrive.hysteresis import DuhemModel, IdentifiedModel, InverseFeedforward, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.hysteresis.model_file import model_text, parse_model
-from smadrive.identification.adaptation.adaptation import Adaptation
+from smadrive.identification.adaptation.adaptation import ADAPTED, Adaptation
 from smadrive.identification.reshape import BranchShape, reshaped, shape_of
 from smadrive.rig.config import FeedbackConfig, LimitsConfig
 from smadrive.tuning.link.requests import SetFeedback, SetModel, SetRule, SetShape
 from smadrive.wire.wire_model import travel_mm
 
 CHANGES = (SetShape, SetFeedback, SetRule, SetModel)
-
-ADAPTED = "adaptation"
-"""The name of all changes that the adaptation makes. Together these changes are one step of undo."""
 
 
 @dataclass(frozen=True)

@@ -13,8 +13,10 @@ from smadrive.errors import UNCONFIRMED
 from smadrive.runs.comparison.settings import set_values
 from smadrive.runs.cycling.cycles import CYCLE_HEADER, cycle_rows, cycles_of, cycling_of, thinned
 from smadrive.runs.figures.cycle_plots import cycle_plot
+from smadrive.runs.figures.health_plot import health_plot
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.figures.session_plots import change_table
+from smadrive.runs.health.assessment import HEADER, assessment_of, health_lines, health_rows
 from smadrive.runs.log.reader import Log
 from smadrive.runs.report import Banner, Grid, Listing, Notes, PagePart, Tiles, write_report
 from smadrive.runs.run_log import OBSERVATION, OWN_CONTROLLER, STEP
@@ -49,6 +51,7 @@ def write_log_report(path: Path, log: Log) -> RunMetrics:
         Tiles(list(_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)))),
         *_cycles(log),
         *log_plots(log),
+        *_health(log),
         *([change_table(log)] if summary.kind == KIND else []),
         *_events(log),
     ]
@@ -113,6 +116,19 @@ def _cycles(log: Log) -> Iterator[PagePart]:
     part = f"; the first {len(cycling.before)} are those of {cycling.continues}" if cycling.before else ""
     thin = f"; the table shows {len(rows)} of them" if len(rows) < len(cycles) else ""
     yield Notes([f"{count}{part}{thin}."])
+
+
+def _health(log: Log) -> Iterator[PagePart]:
+    """Yield the health of the wire, if its file and the record beside it exist."""
+    found = assessment_of(log)
+    if found is None:
+        return
+    for caveat in found.caveats:
+        yield Banner("warning", f"Warning: {caveat}.")
+    if found.health is not None:
+        yield health_plot(found.entries)
+        yield Grid(HEADER, list(health_rows(found.health)))
+        yield Notes([f"{line[0].upper()}{line[1:]}." for line in health_lines(found.health)])
 
 
 def _events(log: Log) -> Iterator[Grid]:

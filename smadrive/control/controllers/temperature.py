@@ -29,7 +29,11 @@ For an unknown wire a failing thermocouple is detected later. This limit makes t
 
 
 class Command(NamedTuple):
-    """The commanded heater current, with setpoints, estimates and power. A value that the controller lacks is NaN."""
+    """The commanded heater current, with setpoints, estimates and power. A value that the controller lacks is NaN.
+
+    `cooling` is the estimated heat loss, divided by the loss of the heat balance: more than 1 in a draft. `shift_c` is
+    the estimated shift of the transformation by a changed load, K.
+    """
 
     commanded_a: float
     setpoint_c: float = nan
@@ -37,6 +41,8 @@ class Command(NamedTuple):
     estimated_c: float = nan
     estimated_mm: float = nan
     power_w: float = nan
+    cooling: float = nan
+    shift_c: float = nan
 
 
 class Controller(Protocol):

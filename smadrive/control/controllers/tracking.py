@@ -181,6 +181,8 @@ class TrackingController:
             estimate.temperature_c,
             estimate.hysteresis.y,
             power_w,
+            self._observer.cooling(estimate),
+            estimate.shift_c,
         )
 
     def _started(self, measurement: Measurement) -> TrackingState:

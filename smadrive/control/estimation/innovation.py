@@ -15,7 +15,7 @@ by seconds, and with the larger gains the wire would overheat. So the integral o
 
 from __future__ import annotations
 
-from math import exp, sqrt
+from math import exp, hypot, sqrt
 from typing import NamedTuple
 
 READ_WEIGHT, SEEN_WEIGHT = 0.3, 0.5
@@ -23,6 +23,12 @@ READ_WEIGHT, SEEN_WEIGHT = 0.3, 0.5
 
 READ_SPREAD, SEEN_SPREAD = 1.1, 1.5
 """Standard deviation σ of the innovations, divided by that of the sensor's noise; the model has an error, too."""
+
+LAG_SHARE = 0.03
+"""Standard deviation of the innovations by a wrong lag of the thermocouple, as a share of the gap that the lag makes.
+
+The gap is the difference between wire and thermocouple. A fast heating makes it tens of kelvin, and is no disturbance.
+"""
 
 READ_THRESHOLDS, SEEN_THRESHOLDS = (3.5, 7.0), (2.5, 5.0)
 """The doubt is 0 up to the first, and 1 from the second on, in standard deviations of the mean."""
@@ -61,18 +67,23 @@ class InnovationTest:
         self._read_c = READ_SPREAD * noise_c * sqrt(READ_WEIGHT / (2.0 - READ_WEIGHT))
         self._seen = SEEN_SPREAD * noise * sqrt(SEEN_WEIGHT / (2.0 - SEEN_WEIGHT))
 
-    def by_reading(self, before: Doubt, read_c: float) -> Doubt:
-        """Return the state after the innovation `read_c` of the thermocouple, K."""
-        mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
-        return self._limited(before, mean_c, 0.0, _grown(abs(mean_c) / self._read_c, READ_THRESHOLDS))
+    def by_reading(self, before: Doubt, read_c: float, gap_c: float) -> Doubt:
+        """Return the state after the innovation `read_c` of the thermocouple, K.
 
-    def by_both(self, before: Doubt, read_c: float, seen: float) -> Doubt:
+        `gap_c` is the difference between the temperatures of wire and thermocouple, K.
+        """
+        mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
+        return self._limited(before, mean_c, 0.0, self._of_reading(mean_c, gap_c))
+
+    def by_both(self, before: Doubt, read_c: float, gap_c: float, seen: float) -> Doubt:
         """Return the state after the innovations of thermocouple, K, and displacement, share of the travel."""
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
         mean = before.seen + SEEN_WEIGHT * (seen - before.seen)
-        of_reading, of_seen = mean_c / self._read_c, mean / self._seen
-        grown = max(_grown(abs(of_reading), READ_THRESHOLDS), _grown(abs(of_seen), SEEN_THRESHOLDS))
-        return self._limited(before, mean_c, mean, grown)
+        of_seen = _grown(abs(mean) / self._seen, SEEN_THRESHOLDS)
+        return self._limited(before, mean_c, mean, max(self._of_reading(mean_c, gap_c), of_seen))
+
+    def _of_reading(self, mean_c: float, gap_c: float) -> float:
+        return _grown(abs(mean_c) / hypot(self._read_c, LAG_SHARE * gap_c), READ_THRESHOLDS)
 
     def _limited(self, before: Doubt, mean_c: float, mean: float, grown: float) -> Doubt:
         """Return the state with the doubt `grown`, or with the decayed doubt of `before` if that is larger."""

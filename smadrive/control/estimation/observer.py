@@ -22,7 +22,7 @@ The estimate is the whole state of an observer, so another observer can continue
 
 from __future__ import annotations
 
-from math import isfinite
+from math import isfinite, nan
 from typing import NamedTuple
 
 from smadrive.control.estimation.gain import GainSchedule
@@ -106,6 +106,13 @@ class WireObserver:
         """
         return estimate._replace(hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
 
+    def cooling(self, estimate: WireEstimate) -> float:
+        """Return the estimated heat loss, divided by the loss of the heat balance; NaN near the ambient temperature."""
+        excess_c = estimate.temperature_c - self._balance.ambient_c
+        if excess_c < LEAST_EXCESS_C:
+            return nan
+        return 1.0 - estimate.disturbance_w / (self._balance.loss_w_per_k * excess_c)
+
     def predict(self, before: WireEstimate, power_w: float, dt_s: float) -> WireEstimate:
         """Return the estimate `dt_s` seconds after `before`, for a wire heated with `power_w`, by the model alone."""
         return self._predicted(before, power_w, dt_s, before.radius_c)
@@ -124,7 +131,7 @@ class WireObserver:
             return self._corrected_by_both(expected, read_c, displacement_mm)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
         read_c = reading_c - thermocouple_c if isfinite(reading_c) else 0.0
-        doubt = self._test.by_reading(before.doubt, read_c)
+        doubt = self._test.by_reading(before.doubt, read_c, wire_c - thermocouple_c)
         correction = self._gains.by_reading(read_c, doubt.doubt)
         wire_c += correction.temperature_c
         play, hysteresis = self._stepped(before, wire_c, self._blind_c)
@@ -169,7 +176,8 @@ class WireObserver:
         temperature.
         """
         seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
-        doubt = self._test.by_both(expected.doubt, read_c, seen)
+        gap_c = expected.temperature_c - expected.thermocouple_c
+        doubt = self._test.by_both(expected.doubt, read_c, gap_c, seen)
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
         wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(slope, read_c, seen, doubt.doubt)
         y = expected.hysteresis.y + self._wire.travel_mm * phase

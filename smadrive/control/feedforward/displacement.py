@@ -29,6 +29,9 @@ REVERSAL_S = 1.0
 WAITING_RANGE_C = 0.5
 """A wire that leads the reference waits at most this far below (on cooling: above) its present temperature, K."""
 
+READY = 0.0003
+"""The branch on which a waiting wire will move begins where the wire would move by this fraction of the stroke."""
+
 COLD_END = 0.003
 """Up to this fraction of the stroke a sensor cannot distinguish the wire from a cold wire.
 
@@ -113,17 +116,20 @@ class HysteresisInverse:
         return TemperatureTarget(inversion.v, 1.0 / slope if inversion.reachable and slope else 0.0, reached.y)
 
     def _wait(self, state: HysteresisState, lead: float, direction: int, setpoint_mm: float) -> TemperatureTarget:
-        """Return a target a little behind the state, on the same branch, where the wire waits for the reference.
+        """Return a target a little behind the branch of `direction`, where the wire waits for the reference.
 
-        At a turning point, where the old branch is steeper than the new one, the target is the present temperature: a
-        target behind it would move the wire further along the old branch.
+        A wire between the branches hardly moves with its temperature. So it waits where it can move on at once: next to
+        the branch that the reference needs. At an end of the travel no wire moves, and it waits where it is.
         """
-        per_k = self._model.slope(state, direction) / self._travel_mm
-        if self._model.slope(state, -direction) / self._travel_mm > per_k:
-            return TemperatureTarget(state.v, 0.0, state.y)
+        if not COLD_END < (state.y - self._cold_mm) / self._travel_mm < 1.0 - COLD_END:
+            return TemperatureTarget(state.v - direction * WAITING_RANGE_C, 0.0, state.y)
+        ready_c = self._inverse.update(state, state.y + direction * READY * self._travel_mm).v
+        per_k = self._model.slope(self._model.step(state, ready_c), direction) / self._travel_mm
+        back_k = READY / per_k if per_k * WAITING_RANGE_C > READY else 0.0
         if lead >= per_k * WAITING_RANGE_C:
-            return TemperatureTarget(state.v - direction * WAITING_RANGE_C, 0.0, setpoint_mm)
-        return TemperatureTarget(state.v - direction * lead / per_k, 1.0 / (per_k * self._travel_mm), setpoint_mm)
+            return TemperatureTarget(ready_c - direction * (back_k + WAITING_RANGE_C), 0.0, setpoint_mm)
+        target_c = ready_c - direction * (back_k + lead / per_k)
+        return TemperatureTarget(target_c, 1.0 / (per_k * self._travel_mm), setpoint_mm)
 
 
 class StaticMap:

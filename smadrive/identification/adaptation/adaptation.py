@@ -59,6 +59,9 @@ class AdaptationSettings:
     likely: LikelyChanges = field(default_factory=LikelyChanges)
 
 
+ADAPTED = "adaptation"
+"""The name of the changes of a tuning that the adaptation makes."""
+
 GATE = 5.0
 """A sample with an error of more standard deviations than this is rejected."""
 JUMP_PER_C, JUMP = 0.05, 0.15

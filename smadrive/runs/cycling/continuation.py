@@ -6,6 +6,7 @@ This log is only read. The continuation writes a log of its own.
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.comparison.settings import flat
 from smadrive.runs.cycling.cycles import Cycling, cycles_of, cycling_of
 from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.run_log import WIRE_FILE
 from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
 from smadrive.wire.identified_wire import IdentifiedWire
 
@@ -56,7 +58,10 @@ def continuation_of(path: Path, config: RigConfig) -> Continuation:
         raise DataError("all cycles are done", where=path, value=len(done), limit=cycling.total, cure=cure)
     _check_wire(log, config)
     rest = Cycling(cycling.total, tuple(done), str(path))
-    return Continuation(_one_cycle(reference_of(log)), wire_of(log), rest, _differences(log, config))
+    wire = wire_of(log)
+    if WIRE_FILE in log.metadata:
+        wire = replace(wire, source=log.metadata[WIRE_FILE])
+    return Continuation(_one_cycle(reference_of(log)), wire, rest, _differences(log, config))
 
 
 def _one_cycle(reference: Reference) -> Reference:

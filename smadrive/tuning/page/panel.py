@@ -13,6 +13,8 @@ from smadrive.tuning.link.samples import COLUMNS, Rows
 
 TIMED_ROWS = 1200
 SHOWN_EVENTS = 8
+COOLING_SHOWN, SHIFT_SHOWN_C = 0.15, 2.0
+"""Smaller disturbances are not shown: the heat balance and the model of a calm wire have such errors, too."""
 
 _LATE = COLUMNS.index("late_s")
 _MODES = {"off": "off", "holding": "on", "tracking": "on", "off, unconfirmed": "bad"}
@@ -55,10 +57,21 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
             _chip("limited by", ", ".join(limits) or "nothing", "warn" if limits else "calm"),
             _chip("model", f"{tuning['change']} · {certified}", "warn" if tuning["caveats"] else "calm"),
             *([_dropped_chip(memory)] if memory and memory["dropped"] else []),
+            *_disturbance_chips(status["cooling"], status["shift_c"]),
             _chip("loop", timing, "warn" if late else "calm"),
             _chip("this page", "controls" if controls else "watches", "on" if controls else "off"),
         ]
     )
+
+
+def _disturbance_chips(cooling: float | None, shift_c: float | None) -> list[str]:
+    """Return the chips of the disturbances that the observer finds, and that are larger than their usual errors."""
+    chips = []
+    if cooling is not None and abs(cooling - 1.0) >= COOLING_SHOWN:
+        chips.append(_chip("cooling", f"{cooling:.1f} × identified", "warn"))
+    if shift_c is not None and abs(shift_c) >= SHIFT_SHOWN_C:
+        chips.append(_chip("load", f"transformation {shift_c:+.0f} K".replace("-", "−"), "warn"))
+    return chips
 
 
 def _dropped_chip(memory: dict[str, Any]) -> str:
@@ -105,6 +118,8 @@ def banner_html(status: dict[str, Any], note: str) -> str:
         lines.append(("bad", status["fault"]))
     lines += _device_lines(status, clear="press Clear faults")
     lines.extend(("note", f"warning about the model in force: {caveat}") for caveat in status["tuning"]["caveats"])
+    if status["wire_warning"]:
+        lines.append(("note", f"warning: {status['wire_warning']}"))
     if note:
         lines.append(("note", note))
     return _lines_html(lines)

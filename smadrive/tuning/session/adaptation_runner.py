@@ -19,9 +19,9 @@ from smadrive.control.estimation.observer import WireEstimate, WireObserver
 from smadrive.control.loop import Tick
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
-from smadrive.identification.adaptation.adaptation import Adaptation
+from smadrive.identification.adaptation.adaptation import ADAPTED, Adaptation
 from smadrive.measurement import Measurement
-from smadrive.tuning.tuning import ADAPTED, Tuning
+from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 

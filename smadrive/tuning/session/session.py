@@ -18,6 +18,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError, SmadriveError
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
+from smadrive.runs.health.assessment import health_lines
 from smadrive.runs.run_log import TickRecorder
 from smadrive.runs.session_record import SESSION_ENDED
 from smadrive.safety.shutdown import ends_safe, shutdown_of
@@ -38,6 +39,8 @@ from smadrive.tuning.session.session_log import SessionLog
 from smadrive.tuning.session.state import SessionState
 from smadrive.tuning.session.status import STATUS_S, Status
 from smadrive.tuning.tuning import Tuning
+from smadrive.wire.health.drift import DRIFTED, WireHealth
+from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
 
 
@@ -45,7 +48,8 @@ class TuningSession:
     """A session with one rig, one wire and one page.
 
     `references` are the references that a page can start, by their names (see ReferenceCatalogue). `record` is
-    called with every tick. `recorder` writes the log of the session; if it is None, there is no log.
+    called with every tick. `recorder` writes the log of the session; if it is None, there is no log. A jump of the
+    resistance at rest away from `expected` is a fault.
     """
 
     def __init__(
@@ -58,9 +62,11 @@ class TuningSession:
         builder: ModelBuilder,
         record: Callable[[Tick], None],
         recorder: TickRecorder | None = None,
+        expected: ExpectedRest | None = None,
     ) -> None:
         self._rig = rig
         self._balance = balance
+        self._expected = expected
         self._channel = channel
         self._record = record
         self._references = ReferenceCatalogue(references)
@@ -80,6 +86,12 @@ class TuningSession:
     def mode(self) -> Mode:
         """The present mode."""
         return self._state.mode
+
+    def note_health(self, health: WireHealth) -> None:
+        """Show the health of the wire on the pages: as an event, and as a warning if the wire has drifted."""
+        self._state.report(f"wire: {'; '.join(health_lines(health))}")
+        self._status.wire_warning = str(health) if health.verdict in DRIFTED else None
+        self._publish()
 
     def run(self) -> None:
         """Run until the process is interrupted. No request of a page ends the session."""
@@ -156,7 +168,7 @@ class TuningSession:
         tuning = self.tunings.in_force
         if tuning.feedback.adapt and not self._adaptation.is_on:
             self._adaptation.switch(True, tuning)
-        self._rig.drive(live, self._balance, self._take, tuning.model, self._stop_requested)
+        self._rig.drive(live, self._balance, self._take, tuning.model, self._stop_requested, self._expected)
 
     def _fail(self, error: SmadriveError) -> None:
         """Report the fault. The rig stays connected, so that the user sees the effect of the remedy."""

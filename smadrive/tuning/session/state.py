@@ -69,5 +69,4 @@ class SessionState:
 
     def publish(self, *, adapts: bool) -> None:
         """Publish the status to the pages."""
-        memory = None if self.live is None else self.live.memory
-        self.channel.publish(self.status.document(self.mode, self.tunings, memory, adapts=adapts))
+        self.channel.publish(self.status.document(self.mode, self.tunings, self.live, adapts=adapts))

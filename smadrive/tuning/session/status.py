@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from math import isfinite
 from typing import Any
 
 from smadrive.errors import TripError
@@ -11,6 +12,7 @@ from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.tuning.session.changes.comparison import Comparison
+from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.modes import Mode
 from smadrive.tuning.session.session_log import SessionLog
@@ -35,6 +37,7 @@ class Status:
     """Collects events, the fault that is not cleared yet, a lost connection and the last measurement.
 
     `is_safe` becomes False when an attempt to switch the heater off fails, and True again when an attempt succeeds.
+    `wire_warning` says how far the wire has drifted; None for a wire as identified.
     `end` is None until the session ends. Then it is "off" if the devices have confirmed the safe state, otherwise
     "unconfirmed".
     """
@@ -45,6 +48,7 @@ class Status:
         self.fault_type: str | None = None
         self.fault_s: float | None = None
         self.lost: str | None = None
+        self.wire_warning: str | None = None
         self.is_safe = True
         self.end: str | None = None
         self.measurement: Measurement | None = None
@@ -84,9 +88,12 @@ class Status:
         self.fault_s = time_s
         self.add_event(time_s, self.fault)
 
-    def document(self, mode: Mode, tunings: Tunings, memory: Memory | None, *, adapts: bool) -> dict[str, Any]:
-        """Return the status as values that JSON can hold. `memory` is the estimated memory of the wire, if any."""
+    def document(
+        self, mode: Mode, tunings: Tunings, live: SwappableController | None, *, adapts: bool
+    ) -> dict[str, Any]:
+        """Return the status as values that JSON can hold. `live` is the controller that runs, or None."""
         measurement = self.measurement
+        memory = None if live is None else live.memory
         return {
             **self._fixed,
             "mode": _HEATER.get(mode, "off" if self.is_safe else "off, unconfirmed"),
@@ -95,6 +102,7 @@ class Status:
             "fault_type": self.fault_type,
             "fault_s": self.fault_s,
             "lost": self.lost,
+            "wire_warning": self.wire_warning,
             "device_faults": [] if measurement is None else measurement.device_faults,
             "temperature_fault": None if measurement is None else measurement.temperature_fault,
             "limited_by": [] if measurement is None else [*measurement.device_limits, *measurement.host_limits],
@@ -103,6 +111,8 @@ class Status:
             "redo": tunings.history.redo_name,
             "comparison": _comparison(tunings.comparison),
             "adapts": adapts,
+            "cooling": None if live is None else _rounded(live.command.cooling, 2),
+            "shift_c": None if live is None else _rounded(live.command.shift_c, 1),
             "turning_points": None if memory is None else _turning_points(memory),
             "events": list(self.events),
         }
@@ -123,6 +133,10 @@ class Status:
             }
             self._described = tuning, document
         return self._described[1]
+
+
+def _rounded(value: float, digits: int) -> float | None:
+    return round(value, digits) if isfinite(value) else None
 
 
 def _turning_points(memory: Memory) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The innovation test: noise, disturbances, and sensors that contradict each other."""
+"""The innovation test: noise, disturbances, and the lag of the thermocouple."""
 
 import numpy as np
 import pytest
@@ -19,14 +19,14 @@ def noise(seed, count):
 
 def after(test, innovations_c, doubt=Doubt()):  # noqa: B008 (a state that never changes)
     for read_c in innovations_c:
-        doubt = test.by_reading(doubt, read_c)
+        doubt = test.by_reading(doubt, read_c, 0.0)
     return doubt
 
 
 def test_noise_hardly_ever_causes_doubt(test):
     doubts, state = [], Doubt()
     for read_c in noise(1, 20_000):
-        state = test.by_reading(state, read_c)
+        state = test.by_reading(state, read_c, 0.0)
         doubts.append(state.doubt)
     assert np.mean(np.array(doubts) > 0.1) < 0.005
 
@@ -51,5 +51,13 @@ def test_doubt_ends_if_it_lasts(test):
 def test_displacement_finds_a_disturbance_before_the_thermocouple(test):
     state = Doubt()
     for _ in range(10):
-        state = test.by_both(state, 0.0, 20.0 * NOISE)
+        state = test.by_both(state, 0.0, 0.0, 20.0 * NOISE)
     assert state.doubt == 1.0
+
+
+def test_error_of_the_lag_in_a_fast_heating_is_no_disturbance(test):
+    calm = fast = Doubt()
+    for _ in range(10):
+        calm, fast = test.by_reading(calm, 1.0, 0.0), test.by_reading(fast, 1.0, 15.0)
+    assert calm.doubt == 1.0
+    assert fast.doubt == 0.0

@@ -6,7 +6,8 @@ step of undo. Successive changes of the online adaptation are one step, too, wha
 
 from __future__ import annotations
 
-from smadrive.tuning.tuning import ADAPTED, Tuning
+from smadrive.identification.adaptation.adaptation import ADAPTED
+from smadrive.tuning.tuning import Tuning
 
 DRAG_S = 1.5
 MAX_TUNINGS = 200

@@ -23,6 +23,8 @@ class SwappableController:
         self._controller = controller
         self._at_tick = at_tick
         self._began_s = 0.0
+        self.command = Command(0.0)
+        """The last command."""
 
     @property
     def reference_s(self) -> float:
@@ -44,7 +46,8 @@ class SwappableController:
         """Call `at_tick`, and return the command of the controller for this measurement."""
         self.time_s = time_s
         self._at_tick()
-        return self._controller.update(self.reference_s, measurement, dt_s)
+        self.command = self._controller.update(self.reference_s, measurement, dt_s)
+        return self.command
 
     def swap(self, controller: TrackingController, reference: Reference) -> None:
         """Replace the old controller by `controller`, which takes over the state, so that the output does not jump.

@@ -9,13 +9,13 @@ import pytest
 
 from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import TriangularSets, TSFuzzyDuhem
-from smadrive.identification.adaptation.adaptation import Adaptation
+from smadrive.identification.adaptation.adaptation import ADAPTED, Adaptation
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, build
 from smadrive.tuning.link.requests import SetFeedback, SetShape
 from smadrive.tuning.processes import BuilderProcess
-from smadrive.tuning.tuning import ADAPTED, Adapted, Tuning
+from smadrive.tuning.tuning import Adapted, Tuning
 from tests.unit.tuning.conftest import BALANCE, REFERENCE, true_wire
 
 LONG_REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=300.0, cycles=2)

@@ -8,6 +8,7 @@ from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.hysteresis import PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.hysteresis.memory.plane import in_plane
+from smadrive.tuning.page.panel import chips_html
 from tests.unit.tuning.conftest import NONE_A, currents, error_mm
 
 
@@ -47,6 +48,21 @@ def test_a_wire_without_memory_has_no_turning_points(rig):
     rig.at(1.0, "arm")
     rig.run(until_s=3.0)
     assert rig.status["turning_points"] is None
+
+
+def test_draft_and_load_that_the_observer_finds_are_published(rig):
+    plant = rig.device.bench.plant
+    rig.at(1.0, "arm")
+    rig.at(2.0, "track", reference="sine")
+    rig.run(until_s=20.0)
+    assert (rig.status["cooling"], rig.status["shift_c"]) == (pytest.approx(1.0, abs=0.1), pytest.approx(0.0, abs=1.0))
+    rig.do(20.0, lambda: plant.surroundings.draft(1.5, for_s=10.0))
+    rig.run(until_s=28.0)
+    assert rig.status["cooling"] == pytest.approx(1.5, abs=0.15)
+    assert "<i>cooling</i><b>1.5 × identified" in chips_html(rig.status, "", late=False, controls=True)
+    rig.do(45.0, lambda: plant.load.step_load(45.0, over_s=1.0))
+    rig.run(until_s=55.0)
+    assert rig.status["shift_c"] == pytest.approx(45.0 / 7.5, abs=2.0)
 
 
 @pytest.mark.parametrize("seed", [0, 1, *map(exhaustive, (2, 3))])

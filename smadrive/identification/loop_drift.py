@@ -1,0 +1,156 @@
+"""How far the loop of a wire has moved since its identification, from the samples of one run.
+
+The displacement y of a run depends on four parameters x = (d₊, d₋, s, z): the shifts of the heating and of the cooling
+branch in K, the relative change of the stroke, and the shift of the zero as a share of the stroke:
+
+    y(x) = y_model(v; branches at μ₊ + d₊ and μ₋ + d₋) · (1 + s) + z        e = y - y(0) ≈ J x        J = ∂y/∂x
+
+A run visits a part of the loop only, and does not determine every direction of x. So the estimate is that of least
+squares with the covariance P of the likely changes of a wire, and so are its standard errors:
+
+    C = (JᵀJ / r + P⁻¹)⁻¹        x = C Jᵀe / r        r = variance of the residual · (1 + ρ)/(1 - ρ)
+
+ρ is the correlation of neighbouring residuals: n correlated samples count as n (1 - ρ)/(1 + ρ) independent ones. The
+input v is the temperature of the wire from the thermocouple alone. A smoothing polynomial removes the noise of the
+reading, and its slope the lag. So neither a draft nor a wrong heat balance looks like a moved loop.
+
+A turning point that is wrong by the noise of the reading makes a whole inner loop wrong. So the errors also hold a
+shift of the temperature by this noise, and the change of the displacement that it causes (RMS over the stroke).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+import scipy  # imports scipy.signal at its first use
+
+from smadrive.hysteresis import IdentifiedModel
+from smadrive.hysteresis.reversal import monotone_runs, turning_points
+from smadrive.identification.adaptation.likely_changes import LikelyChanges
+from smadrive.identification.quality.uncertainty import neighbour_correlation
+from smadrive.identification.reshape import BranchShape, reshaped, shape_of
+from smadrive.numerics.arrays import FloatArray
+from smadrive.wire.health.sensitivity import SHIFT
+
+SMOOTHED_S = 0.5
+"""The reading is smoothed over this time. It is long against the lag of a bead, and short against a change of the loop.
+"""
+
+NOISES = 3.0
+"""Radius of the dead band against false reversals, in standard deviations of the noise of the reading."""
+
+MOST_SAMPLES = 1500
+"""A longer path is thinned out between its turning points."""
+
+LEAST_TRAVEL = 0.1
+"""A path along which the model travels less than this share of its stroke does not show the loop."""
+
+ITERATIONS = 2
+DIFFERENCE_C = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class LoopDrift:
+    """The loop of a wire in one run, and the standard errors of its parameters.
+
+    heating_k, cooling_k   shifts of the branches, K
+    stroke_share           change of the stroke, as a share
+    errors                 standard errors of these three, in their order
+    model_percent          RMS error of the unchanged model in this run, in % of the stroke
+    """
+
+    heating_k: float
+    cooling_k: float
+    stroke_share: float
+    errors: tuple[float, float, float]
+    model_percent: float
+
+
+UNKNOWN = LoopDrift(nan, nan, nan, (nan, nan, nan), nan)
+"""The result of a run that does not show the loop."""
+
+
+def wire_temperature_c(time_s: FloatArray, reading_c: FloatArray, lag_s: float) -> FloatArray:
+    """Return the temperature of the wire in °C at the times `time_s` (samples,), from the reading of its thermocouple.
+
+    `lag_s` is the lag of the thermocouple. The reading must be finite, and `time_s` must increase.
+    """
+    dt_s = float(np.median(np.diff(time_s)))
+    samples = max(int(SMOOTHED_S / dt_s) // 2 * 2 + 1, 5)
+    if len(time_s) <= samples:
+        return reading_c
+    grid_s = np.arange(time_s[0], time_s[-1] + 0.5 * dt_s, dt_s)
+    even_c = np.interp(grid_s, time_s, reading_c)
+    smooth_c, slope = (scipy.signal.savgol_filter(even_c, samples, 2, deriv=n, delta=dt_s) for n in (0, 1))
+    return np.interp(time_s, grid_s, smooth_c + lag_s * slope)
+
+
+def fit_loop_drift(
+    model: IdentifiedModel, wire_c: FloatArray, displacement_mm: FloatArray, noise_c: float
+) -> LoopDrift:
+    """Return the loop of the wire that moved along the temperatures `wire_c` to the displacements `displacement_mm`.
+
+    `noise_c` is the noise of the thermocouple in K. The result is `UNKNOWN` for a run that does not show the loop.
+    """
+    path_c, moved_mm = _path(wire_c, displacement_mm, noise_c)
+    stroke_mm = abs(model.scale)
+    start_mm, before = float(moved_mm[0]), shape_of(model)
+    predicted_mm = model.simulate(path_c, start_mm)
+    if np.ptp(predicted_mm) < LEAST_TRAVEL * stroke_mm:
+        return UNKNOWN
+    likely = LikelyChanges()
+    prior = np.diag(np.array([likely.drift_c, likely.drift_c, likely.drift, likely.drift]) ** -2.0)
+    error, drift = (moved_mm - predicted_mm) / stroke_mm, np.zeros(4)
+    model_percent = 100.0 * float(np.sqrt(np.mean(error**2)))
+    for _ in range(ITERATIONS):
+        base_mm, jacobian = _linearized(model, before, drift, path_c, start_mm)
+        drift, covariance = _estimate(jacobian, (moved_mm - base_mm) / stroke_mm + jacobian @ drift, prior)
+    heating_k, cooling_k, share, _ = drift.tolist()
+    unsure = np.array([noise_c, noise_c, SHIFT * noise_c / min(before.sigma_heating, before.sigma_cooling)])
+    errors = np.hypot(np.sqrt(np.diag(covariance))[:3], unsure).tolist()
+    return LoopDrift(heating_k, cooling_k, share, (errors[0], errors[1], errors[2]), model_percent)
+
+
+def _path(wire_c: FloatArray, displacement_mm: FloatArray, noise_c: float) -> tuple[FloatArray, FloatArray]:
+    """Return the temperatures without false reversals, and the displacements, thinned out to `MOST_SAMPLES`."""
+    radius = NOISES * noise_c
+    path_c = monotone_runs(wire_c, radius)
+    kept = np.linspace(0, len(path_c) - 1, MOST_SAMPLES).round().astype(np.intp)
+    kept = np.union1d(kept, turning_points(path_c, radius))
+    return path_c[kept], displacement_mm[kept]
+
+
+def _moved_mm(
+    model: IdentifiedModel, before: BranchShape, drift: FloatArray, path_c: FloatArray, start_mm: float
+) -> FloatArray:
+    """Return y(x) along the path for x = `drift`."""
+    heating_k, cooling_k, share, zero = drift.tolist()
+    shape = before._replace(mu_heating=before.mu_heating + heating_k, mu_cooling=before.mu_cooling + cooling_k)
+    y = reshaped(model, shape).simulate(path_c, start_mm)
+    return np.asarray(model.offset + (y - model.offset) * (1.0 + share) + zero * abs(model.scale))
+
+
+def _linearized(
+    model: IdentifiedModel, before: BranchShape, drift: FloatArray, path_c: FloatArray, start_mm: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return y(x) at x = `drift` in mm, (samples,), and ∂y/∂x in strokes, (samples, 4)."""
+    base = _moved_mm(model, before, drift, path_c, start_mm)
+    columns = [
+        (_moved_mm(model, before, drift + DIFFERENCE_C * np.eye(4)[n], path_c, start_mm) - base) / DIFFERENCE_C
+        for n in (0, 1)
+    ]
+    stroke_mm = abs(model.scale)
+    ones = np.ones_like(base)
+    return base, np.column_stack([*(one / stroke_mm for one in columns), (base - model.offset) / stroke_mm, ones])
+
+
+def _estimate(jacobian: FloatArray, error: FloatArray, prior: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the estimate of x and its covariance; the variance of the residual comes from the estimate itself."""
+    normal, slope = jacobian.T @ jacobian, jacobian.T @ error
+    residual = error - jacobian @ np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(4), slope)
+    alike = min(max(neighbour_correlation(residual), 0.0), 0.99)
+    variance = float(np.mean(residual**2)) * (1.0 + alike) / (1.0 - alike)
+    covariance: FloatArray = np.asarray(np.linalg.inv(normal / variance + prior), np.float64)
+    return covariance @ slope / variance, covariance

@@ -1,0 +1,68 @@
+"""The resistance at rest of a wire, measured over a whole run.
+
+The wire is at rest when it is cold and without current, and then it has no voltage to measure. So the resistance at
+rest follows from the samples with current: each is divided by the resistance that the model has at its phase w,
+
+    R_rest = R_cold · Σ V I / Σ I² R(w)/R_cold            over blocks of `BLOCK_S`, then the median of the blocks
+
+The sums weigh a sample by its power, because an offset of voltage or current matters most at a small current. The
+result includes leads and contacts, as the identified resistance does.
+"""
+
+from __future__ import annotations
+
+from math import hypot, nan, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from smadrive.identification.quality.uncertainty import neighbour_correlation
+from smadrive.identification.thermal import SYSTEMATIC
+from smadrive.numerics.arrays import FloatArray
+from smadrive.safety.resistance_band import BLOCK_S, LEAST_SAMPLES
+from smadrive.wire.health.entry import Estimate
+from smadrive.wire.wire_model import WireModel
+
+
+class RestResistance(NamedTuple):
+    """Resistance at rest in Ω, its mean temperature in °C, and the largest deviation of a block from it, as a share."""
+
+    ohm: Estimate = Estimate()
+    at_c: float = nan
+    spread: float = nan
+
+
+class HeatedSamples(NamedTuple):
+    """The samples of a run that have enough current: arrays of the same shape (samples,)."""
+
+    time_s: FloatArray
+    current_a: FloatArray
+    voltage_v: FloatArray
+    displacement_mm: FloatArray
+    temperature_c: FloatArray
+
+
+def rest_resistance(wire: WireModel, samples: HeatedSamples) -> RestResistance:
+    """Return the resistance at rest of `wire`; unknown values for a run with less than two blocks of samples."""
+    cold_ohm = wire.balance.resistance_cold_ohm
+    phase = np.clip((samples.displacement_mm - wire.cold_mm) / wire.travel_mm, 0.0, 1.0)
+    expected = 1.0 + wire.balance.resistance_change * phase
+    starts = np.flatnonzero(np.diff(np.floor(samples.time_s / BLOCK_S), prepend=-1.0))
+    if not starts.size:
+        return RestResistance()
+    is_full = np.diff(starts, append=len(samples.time_s)) >= LEAST_SAMPLES
+    power = np.add.reduceat(samples.voltage_v * samples.current_a, starts)[is_full]
+    blocks_ohm = power / np.add.reduceat(samples.current_a**2 * expected, starts)[is_full]
+    if len(blocks_ohm) < 2:
+        return RestResistance()
+    rest_ohm = float(np.median(blocks_ohm))
+    deviation = blocks_ohm / rest_ohm - 1.0
+    error = hypot(_relative_error(deviation), SYSTEMATIC)
+    at_c = float(np.nanmean(samples.temperature_c)) if np.isfinite(samples.temperature_c).any() else nan
+    return RestResistance(Estimate(rest_ohm, error * cold_ohm), at_c, float(np.abs(deviation).max()))
+
+
+def _relative_error(deviation: FloatArray) -> float:
+    """Return the standard error of the level of the blocks. Neighbouring blocks are correlated."""
+    alike = min(max(neighbour_correlation(deviation - deviation.mean()), 0.0), 0.99)
+    return float(np.std(deviation)) * sqrt((1.0 + alike) / (1.0 - alike) / len(deviation))

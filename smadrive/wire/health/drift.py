@@ -1,0 +1,197 @@
+"""How far a wire has drifted since its identification, and when to identify it again.
+
+A quantity q (resistance at rest, stroke, place of a branch) has the drift d = q_run - q_identified, with the standard
+error s of both. It counts if |d| > `SIGNIFICANT` s in each of the last `LAST_RUNS` runs that measured it, always in the
+same direction. The drifts that count cause the tracking error e = √Σ (g d)², with the sensitivity g of each quantity.
+The wire is to be identified again when e exceeds the error that an identification leaves (sensitivity.py).
+
+A drift grows about linearly with the cycles n. So an error e after n cycles reaches the allowed error after
+n (e_allowed / e - 1) more cycles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import StrEnum
+from math import hypot, isfinite, nan, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from smadrive.wire.health.entry import Estimate, HealthEntry, LoopShape
+from smadrive.wire.health.sensitivity import ErrorGains
+
+SIGNIFICANT = 3.0
+"""A drift of fewer standard errors than this may be chance."""
+
+LAST_RUNS = 2
+"""The number of runs in a row that must show a drift. A draft in a single run is no drift."""
+
+LOOP = ("heating_c", "cooling_c", "stroke_mm")
+QUANTITIES = ("rest_ohm", *LOOP)
+"""The fields of an entry that drift."""
+
+
+class HealthVerdict(StrEnum):
+    """What the record says about the wire."""
+
+    UNKNOWN = "not known yet"
+    UNCHANGED = "as identified"
+    DRIFTED = "has drifted"
+    IDENTIFY_AGAIN = "identify it again"
+
+
+DRIFTED = (HealthVerdict.DRIFTED, HealthVerdict.IDENTIFY_AGAIN)
+"""The verdicts that are a warning."""
+
+
+class Drift(NamedTuple):
+    """The drift of one quantity, in the unit of the quantity.
+
+    before         at the identification
+    now            in the last run that measured it
+    change         now - before, with the standard error of both
+    per_cycle      slope over the cycles since the identification; unknown for fewer than three runs
+    counts         True if each of the last runs shows it
+    error_percent  tracking error that it causes, in % of the stroke
+    """
+
+    before: Estimate
+    now: Estimate
+    change: Estimate
+    per_cycle: Estimate
+    counts: bool
+    error_percent: float
+
+
+class Moved(NamedTuple):
+    """Shift of both branches in K, and change of the stroke in %."""
+
+    heating_k: float
+    cooling_k: float
+    stroke_percent: float
+
+
+class WireHealth(NamedTuple):
+    """The health of a wire since its last identification.
+
+    runs, cycles       runs and cycles since this identification
+    all_cycles         cycles in the whole record
+    drifts             drift of each quantity of `QUANTITIES`; empty before the first run
+    model_moved        change of the model from the first identification of the record to the last one
+    adapted_moved      change from the first identification to the last adapted model; None without adaptation
+    error_percent      tracking error that the drifts cause, in % of the stroke
+    allowed_percent    error that an identification leaves
+    cycles_left        cycles after which the error reaches the allowed error; NaN if no end is in sight
+    """
+
+    verdict: HealthVerdict
+    identified: str
+    runs: int
+    cycles: float
+    all_cycles: float
+    drifts: dict[str, Drift]
+    model_moved: Moved
+    adapted_moved: Moved | None
+    error_percent: float
+    allowed_percent: float
+    cycles_left: float
+
+    def __str__(self) -> str:
+        """Return the verdict as one sentence."""
+        error = f"the drift causes {self.error_percent:.2g} % tracking error without a displacement sensor"
+        allowed = f"an identification leaves {self.allowed_percent:.2g} %"
+        match self.verdict:
+            case HealthVerdict.UNKNOWN:
+                return f"the drift of the wire is not known before {LAST_RUNS} runs have measured it"
+            case HealthVerdict.UNCHANGED:
+                return "the wire is as identified"
+            case HealthVerdict.IDENTIFY_AGAIN:
+                return f"identify the wire again: {error}, {allowed}"
+        when = f": identify it again after about {self.cycles_left:.2g} cycles" if isfinite(self.cycles_left) else ""
+        return f"the wire has drifted{when} ({error}, {allowed})"
+
+
+def wire_health(entries: Sequence[HealthEntry], gains: Sequence[float], allowed_percent: float) -> WireHealth | None:
+    """Return the health of the wire from the entries of its record; None without an identification.
+
+    `gains` are the errors in % of the stroke for each unit of a change of `QUANTITIES`, in this order.
+    """
+    starts = [number for number, entry in enumerate(entries) if entry.is_identification]
+    if not starts:
+        return None
+    identified, runs = entries[starts[-1]], entries[starts[-1] + 1 :]
+    drifts = {name: _drift(identified, runs, name, gain) for name, gain in zip(QUANTITIES, gains, strict=True)}
+    measured = {name: drift for name, drift in drifts.items() if drift is not None}
+    error = hypot(*(drift.error_percent for drift in measured.values() if drift.counts))
+    cycles = sum(run.cycles for run in runs)
+    first, adapted = entries[starts[0]], [run.adapted for run in runs if run.adapted is not None]
+    return WireHealth(
+        _verdict(runs, measured, error > allowed_percent),
+        identified.begun,
+        len(runs),
+        cycles,
+        sum(entry.cycles for entry in entries),
+        measured,
+        _moved(first, LoopShape(*(getattr(identified, name).value for name in LOOP))),
+        _moved(first, adapted[-1]) if adapted else None,
+        error,
+        allowed_percent,
+        cycles * (allowed_percent / error - 1.0) if 0.0 < error < allowed_percent else nan,
+    )
+
+
+def gains_of(found: ErrorGains, rest_ohm: float, stroke_mm: float) -> tuple[float, float, float, float]:
+    """Return the errors for each unit of a change of `QUANTITIES`, for a wire with this resistance and stroke."""
+    return found.rest / rest_ohm, found.heating_per_k, found.cooling_per_k, found.stroke / stroke_mm
+
+
+def _verdict(runs: Sequence[HealthEntry], drifts: dict[str, Drift], is_costly: bool) -> HealthVerdict:
+    if all(_count(runs, name) < LAST_RUNS for name in QUANTITIES):
+        return HealthVerdict.UNKNOWN
+    if not any(drift.counts for drift in drifts.values()):
+        return HealthVerdict.UNCHANGED
+    return HealthVerdict.IDENTIFY_AGAIN if is_costly else HealthVerdict.DRIFTED
+
+
+def _count(runs: Sequence[HealthEntry], name: str) -> int:
+    return sum(getattr(run, name).is_known for run in runs)
+
+
+def _drift(identified: HealthEntry, runs: Sequence[HealthEntry], name: str, gain: float) -> Drift | None:
+    """Return the drift of the quantity `name`; None if no run, or not the identification, has measured it."""
+    before: Estimate = getattr(identified, name)
+    found: list[Estimate] = [getattr(run, name) for run in runs if getattr(run, name).is_known]
+    if not (found and before.is_known):
+        return None
+    changes = [_change(before, now) for now in found]
+    last = changes[-LAST_RUNS:]
+    same = len({change.value > 0.0 for change in last}) == 1
+    counts = len(last) == LAST_RUNS and same and all(abs(one.value) > SIGNIFICANT * one.error for one in last)
+    cycles = np.cumsum([run.cycles for run in runs])[[getattr(run, name).is_known for run in runs]]
+    return Drift(before, found[-1], changes[-1], slope(cycles, found), counts, gain * abs(changes[-1].value))
+
+
+def _change(before: Estimate, now: Estimate) -> Estimate:
+    errors = (error for error in (before.error, now.error) if isfinite(error))
+    return Estimate(now.value - before.value, hypot(*errors))
+
+
+def slope(cycles: Sequence[float] | np.ndarray, values: Sequence[Estimate]) -> Estimate:
+    """Return the slope of `values` over `cycles` by least squares, and its standard error from the scatter.
+
+    Unknown for fewer than three values, and if all have the same number of cycles.
+    """
+    x, y = np.asarray(cycles, np.float64), np.array([one.value for one in values])
+    x = x - x.mean()
+    squares = float(x @ x)
+    if len(x) < 3 or squares <= 0.0:
+        return Estimate()
+    per_cycle = float(x @ y) / squares
+    residual = y - y.mean() - per_cycle * x
+    return Estimate(per_cycle, sqrt(float(residual @ residual) / (len(x) - 2) / squares))
+
+
+def _moved(first: HealthEntry, loop: LoopShape) -> Moved:
+    heating_k, cooling_k = loop.heating_c - first.heating_c.value, loop.cooling_c - first.cooling_c.value
+    return Moved(heating_k, cooling_k, 100.0 * (loop.stroke_mm / first.stroke_mm.value - 1.0))

@@ -1,0 +1,59 @@
+"""The tracking error that a changed wire causes in a run without a displacement sensor, in % of the stroke (RMS).
+
+The reference is taken as uniform over the stroke, and a branch as a Gaussian with the standard deviation σ.
+
+- A shift d of a branch moves the displacement by d times the slope of the branch. With the slope p of a Gaussian, the
+  mean of the squared error over the stroke is d² ∫ p³ dv, so the RMS is  d / (σ √(2π√3)).
+- A change s of the stroke changes a displacement y by s y, so the RMS is  s / √3.
+- A change r of the resistance changes the heat by the share r. A temperature loop with the closed-loop time τ_c holds
+  the error of a wire with the time constant τ to  r (T - T_amb) τ_c/τ, in the middle T of the loop. This error acts
+  like a shift of both branches.
+
+`allowed_percent` is the error that no identification removes: the error of the fit, and the error that the noise of the
+thermocouple causes as a shift. A drift that costs more than this makes another identification worthwhile.
+"""
+
+from __future__ import annotations
+
+from math import hypot, isfinite, pi, sqrt
+from typing import NamedTuple
+
+SHIFT = 1.0 / sqrt(2.0 * pi * sqrt(3.0))
+"""RMS error of a shift by one standard deviation of the branch, as a share of the stroke."""
+
+STROKE = 1.0 / sqrt(3.0)
+"""RMS error of a stroke that has changed by its whole length, as a share of the stroke."""
+
+
+class ErrorGains(NamedTuple):
+    """The error in % of the stroke for each unit of a change, and the error that is allowed.
+
+    Each direction takes half of the time, so the shift of one branch counts by 1/√2.
+    """
+
+    heating_per_k: float
+    cooling_per_k: float
+    stroke: float
+    rest: float
+    allowed_percent: float
+
+
+class LoopWidths(NamedTuple):
+    """Standard deviations of both branches in K, and the height of the loop's middle above the ambient temperature."""
+
+    heating_k: float
+    cooling_k: float
+    middle_k: float
+
+
+def error_gains(widths: LoopWidths, *, loop_share: float, noise_c: float, fit_percent: float) -> ErrorGains:
+    """Return the errors that changes of a wire cause.
+
+    loop_share    closed-loop time over time constant of the wire, τ_c/τ
+    noise_c       noise of the thermocouple, K
+    fit_percent   RMS error of the fit in % of the stroke; an unknown error (NaN) counts as 0
+    """
+    heating, cooling = (100.0 * SHIFT / width / sqrt(2.0) for width in (widths.heating_k, widths.cooling_k))
+    both = hypot(heating, cooling)
+    allowed = hypot(both * noise_c, fit_percent if isfinite(fit_percent) else 0.0)
+    return ErrorGains(heating, cooling, 100.0 * STROKE, both * widths.middle_k * loop_share, allowed)
