@@ -2,7 +2,7 @@
 
 SIGINT (Ctrl-C), SIGTERM and SIGHUP (a closed terminal) normally unwind the program. A signal that interrupted the
 switching off would leave the heater on. `HeldSignals` therefore counts these signals while its block lasts. The user
-can still end the wait for a device that never answers: signal number `ABORTS_AT` ends the block.
+can still end the wait for a device that never answers: the `ABORTS_AT`-th signal ends the block.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class HeldSignals:
     """A context manager that counts `SIGNALS` instead of obeying them.
 
     `received` lists the signals of an earlier block (`before`), then the signals that arrived in the `with` block.
-    Signal number `ABORTS_AT` ends the block: the program's own handler is called for this signal, and AbortedError
+    The `ABORTS_AT`-th signal ends the block: the program's own handler is called for this signal, and AbortedError
     leaves the block if that handler raises nothing. The caller decides about the earlier signals. Ignored signals stay
     ignored. Outside the main thread no signal is held, because signals arrive in the main thread only.
     """

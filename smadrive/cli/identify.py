@@ -19,7 +19,7 @@ from smadrive.files.kinds import MODEL, PAGE
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
 from smadrive.identification.memory.fit import MemoryFit, check_memory
 from smadrive.identification.thermal import ThermalFit
-from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, AnyFit, FitSettings
+from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, MOST_FITTED_COMPONENTS, AnyFit, FitSettings
 from smadrive.runs.record_fit import INPUT, OUTPUT, fit_file
 
 
@@ -43,7 +43,9 @@ def main(
     components: Annotated[
         int | None,
         typer.Option(
-            min=1, max=6, help=f"Gaussians per branch of a Duhem model (--kind duhem); by default {DUHEM_COMPONENTS}."
+            min=1,
+            max=MOST_FITTED_COMPONENTS,
+            help=f"Gaussians per branch of a Duhem model (--kind duhem); by default {DUHEM_COMPONENTS}.",
         ),
     ] = None,
     memory: Annotated[

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 from smadrive.cli.output import AsJson, Output
 from smadrive.files.shipped import ShippedFile, shipped_files
 
@@ -17,7 +19,8 @@ def main(as_json: AsJson = False) -> None:
     files = shipped_files()
     rows = [(file.name, kind.removesuffix("s"), file.what) for kind, of_kind in files.items() for file in of_kind]
     output.table(HEADER, rows, notes=True)
-    output.say("own files: copy one of these, change it, and give its path instead of the name")
+    copied = f"`cp {shlex.quote(str(files['rigs'][0].path))} my-rig.toml`"
+    output.say(f"own files: copy one of these, for example {copied}, change it, and give its path instead of the name")
     output.result({kind: [_result(file) for file in of_kind] for kind, of_kind in files.items()})
 
 

@@ -35,9 +35,9 @@ PAPER_ERROR = (-1.2, 1.0)
 class Errors:
     """The errors of a rebuilt model: its output minus that of the Duhem model.
 
-    `major` and `mixed` are pairs: the least and the greatest error on one of the two loops of the paper. They have the
-    unit of the output, whose full range is k = 40. `unseen_percent` belongs to `RANDOM_LOOPS` random loops that no fit
-    used. It is the median and the maximum of the largest errors of these loops, in % of k.
+    `major` is the smallest and the largest error on the major loop of the paper, `mixed` the same on its mixed loop.
+    Both have the unit of the output, whose full range is k = 40. No fit used the `RANDOM_LOOPS` random loops. Each of
+    them has a largest error; `unseen_percent` is the median and the maximum of these errors, in % of k.
     """
 
     name: str

@@ -76,7 +76,7 @@ class _Stderr(io.FileIO):
     """Standard error. A failed write has no effect, so it changes no exit code."""
 
     def write(self, content: ReadableBuffer, /) -> int:
-        """Write the content, or drop it."""
+        """Write the content, and return its length in bytes. If the write fails, the content is lost; no error."""
         with suppress(OSError):
             return super().write(content)
         return memoryview(content).nbytes

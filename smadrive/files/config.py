@@ -95,9 +95,7 @@ def load_config(path: Path, kind: type[ConfigT]) -> ConfigT:
 def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT:
     """Return `tables` as an object of `kind`, a subclass of Section. ConfigError describes the problem in one line.
 
-    The error names `where`. If there are unknown keys, the error names only these, because a misspelled key
-    also makes the correct key missing. Otherwise the error describes the first problem and gives the number of the
-    other problems.
+    The error names `where`, and describes the problems as `config_problems` does.
     """
     try:
         return kind.model_validate(tables)

@@ -8,7 +8,13 @@ from typing import Any
 from pydantic import BaseModel
 
 from smadrive.files.number_text import shortened
-from smadrive.files.spelling import suggestion_or_list
+from smadrive.files.spelling import suggestion, suggestion_or_list
+
+MOST_DESCRIBED = 6
+"""A line describes at most this number of different problems."""
+
+_UNKNOWN, _MISSING = "extra_forbidden", "missing"
+"""pydantic's names of these two types of problems."""
 
 _CURES = {
     "greater_than": "write a number greater than {gt:g}",
@@ -25,19 +31,26 @@ _CURES = {
 def config_problems(problems: list[dict[str, Any]], kind: type[BaseModel]) -> str:
     """Return one line that describes the problems that pydantic found in a section of the class `kind`.
 
-    A misspelled key also makes the correct key missing, so unknown keys come first, then missing keys. All keys with
-    this kind of problem are named; of other problems only the first. The line ends with the number of the others.
+    Unknown keys come first, then missing keys, then wrong values. A misspelled key also makes the correct key missing;
+    the correct key is then not named as missing. The line describes `MOST_DESCRIBED` messages, and ends with the number
+    of the others.
     """
-    named = _of_type("extra_forbidden", problems) or _of_type("missing", problems) or problems[:1]
+    unknown = [problem for problem in problems if problem["type"] == _UNKNOWN]
+    missing = [problem for problem in problems if problem["type"] == _MISSING and not _is_misspelled(problem, unknown)]
+    others = [problem for problem in problems if problem["type"] not in {_UNKNOWN, _MISSING}]
     keys: dict[str, list[str]] = {}
-    for problem in named:
+    for problem in (*unknown, *missing, *others):
         keys.setdefault(_message(problem, kind), []).append(_key(problem))
-    line = "; ".join(f"{', '.join(same)}: {message}" for message, same in keys.items())
-    return line + (f" (and {len(problems) - len(named)} more)" if len(problems) > len(named) else "")
+    lines = [f"{', '.join(same)}: {message}" for message, same in keys.items()]
+    more = len(lines) - MOST_DESCRIBED
+    return "; ".join(lines[:MOST_DESCRIBED]) + (f" (and {more} more)" if more > 0 else "")
 
 
-def _of_type(name: str, problems: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    return [problem for problem in problems if problem["type"] == name]
+def _is_misspelled(missing: dict[str, Any], unknown: Iterable[dict[str, Any]]) -> bool:
+    """Return True if an unknown key of the same table is near the missing key."""
+    *place, key = missing["loc"]
+    typed = (problem["loc"] for problem in unknown)
+    return any([*table] == place and suggestion(str(name), [str(key)]) for *table, name in typed)
 
 
 def _key(problem: dict[str, Any]) -> str:
@@ -45,10 +58,10 @@ def _key(problem: dict[str, Any]) -> str:
 
 
 def _message(problem: dict[str, Any], kind: type[BaseModel]) -> str:
-    if problem["type"] == "extra_forbidden":
+    if problem["type"] == _UNKNOWN:
         *path, key = problem["loc"]
         return f"unknown key; {suggestion_or_list(str(key), _known_keys(kind, path))}"
-    if problem["type"] == "missing":
+    if problem["type"] == _MISSING:
         return "missing; copy this part from a complete file (`smadrive list` names them)"
     value = problem["input"]
     if cure := _CURES.get(problem["type"]):

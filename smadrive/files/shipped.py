@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from smadrive.errors import ConfigError
 from smadrive.files.kinds import CAMPAIGN, CONFIGS, PROFILE, RIG, SIM, WIRE, FileKind, check_kind
-from smadrive.files.spelling import suggested_file, suggestion
+from smadrive.files.spelling import nearest_name, suggested_file, suggestion
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -62,6 +62,7 @@ def config_file(name: str | Path, expected: FileKind) -> Path:
         return shipped[str(name)]
     check_kind(path, expected, cure=f"{expected.cure}, or the name of a shipped one: {', '.join(shipped)}")
     if path.suffix == ".toml":
+        _check_not_a_shipped_name(path, shipped)
         return path
     raise ConfigError(
         f"neither a .toml file nor one of the shipped {expected.folder}",
@@ -69,6 +70,15 @@ def config_file(name: str | Path, expected: FileKind) -> Path:
         value=", ".join(shipped),
         cure=_hint(str(name), shipped),
     )
+
+
+def _check_not_a_shipped_name(path: Path, shipped: dict[str, Path]) -> None:
+    """Raise ConfigError if `path` does not exist, and its name without the ending is near a shipped name."""
+    if path.name != str(path) or path.exists() or suggested_file(path):
+        return
+    if (near := nearest_name(path.stem, shipped)) is not None:
+        cure = f"did you mean the shipped '{near}', without .toml?"
+        raise ConfigError("no such file", where=path, cure=cure)
 
 
 def _hint(name: str, shipped: dict[str, Path]) -> str:

@@ -12,10 +12,19 @@ NO_TEXT_CURE = "check that it is the file you mean, and save it as plain text in
 """The error of a file with bytes that are no text, and its cure."""
 
 
+NEAR = 0.6
+"""Least similarity of a suggested name: the letters in common, as a share of all letters of both names."""
+
+
+def nearest_name(name: str, names: Iterable[str]) -> str | None:
+    """Return the name that is nearest to `name`, or None if no name is near."""
+    return next(iter(difflib.get_close_matches(name, sorted(names), n=1, cutoff=NEAR)), None)
+
+
 def suggestion(name: str, names: Iterable[str]) -> str:
     """Return the question `did you mean 'x'?`, x being the name nearest to `name`; "" if no name is near."""
-    close = difflib.get_close_matches(name, sorted(names), n=1)
-    return f"did you mean '{close[0]}'?" if close else ""
+    near = nearest_name(name, names)
+    return "" if near is None else f"did you mean '{near}'?"
 
 
 def suggestion_or_list(name: str, names: Iterable[str]) -> str:
@@ -27,13 +36,13 @@ def suggestion_or_list(name: str, names: Iterable[str]) -> str:
 def suggested_file(path: Path) -> str:
     """Return `did you mean 'x'?`; x is the file of the same folder and ending with the nearest name.
 
-    The result is "" if no name is near.
+    The result is "" if no name is near. The equal endings do not count, because they make all names similar.
     """
-    names: list[str] = []
+    stems: list[str] = []
     with suppress(OSError, ValueError):
-        names = sorted(one.name for one in path.parent.iterdir() if one.suffix == path.suffix)
-    close = difflib.get_close_matches(path.name, names, n=1)
-    return f"did you mean '{path.with_name(close[0])}'?" if close else ""
+        stems = [one.stem for one in path.parent.iterdir() if one.suffix == path.suffix]
+    near = nearest_name(path.stem, stems)
+    return "" if near is None else f"did you mean '{path.with_name(near + path.suffix)}'?"
 
 
 def missing_file_cure(path: Path) -> str:

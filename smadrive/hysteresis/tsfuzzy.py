@@ -175,9 +175,9 @@ class MembershipGrid:
 
 
 def _closing_state(up_gain: FloatArray, up_shift: FloatArray, down_gain: FloatArray, down_shift: FloatArray) -> float:
-    """Return the state w at the lower end of the range to which one full loop, heating then cooling, returns.
+    """Return the state w at the lower end of the input range that a full loop leaves unchanged.
 
-    The result is 0 if the loop does not contract.
+    A full loop is heating, then cooling. Return 0 if the loop does not contract.
     """
     fall = float(np.prod(down_gain))
     gain = float(np.prod(up_gain)) * fall

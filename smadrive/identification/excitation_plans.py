@@ -111,7 +111,7 @@ def _most_reversals(
     if not fitting:
         shortest_s = lasts_s(plan.fewest)
         raise ConfigError(
-            f"too short for {plan.fewest} reversals, the fewest of this plan",
+            f"too short: this plan needs at least {plan.fewest} reversals",
             where="excitation.duration_s",
             value=f"{duration_s:g} s",
             limit=f"at least {ceil(shortest_s)} s at rate_c_per_s = {rate_c_per_s:g}",

@@ -32,6 +32,9 @@ FUZZY_SETS = 11
 DUHEM_COMPONENTS = 2
 """Gaussians per branch of a Duhem fit: measured wires need two."""
 
+MOST_FITTED_COMPONENTS = 6
+"""The largest number of Gaussians per branch that a user may choose."""
+
 
 class FitSettings(NamedTuple):
     """The kind of hysteresis model to fit to a record, and its size.

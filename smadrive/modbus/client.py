@@ -161,10 +161,10 @@ class ModbusClient:
             self._sync_by_answered_read(transaction)
 
     def _sync_by_answered_read(self, transaction: Transaction) -> None:
-        """Do the work of `_sync` for a device that did not answer the read of `_sync`, and may not know such reads.
+        """Synchronise with a device that did not answer the sync of `_sync`; the device may not support that read.
 
-        A read that the device has answered before is sent instead. If the device has answered no other read than
-        `request`, nothing is sent; DeadlineError if a copy of an earlier reply to `request` may still arrive.
+        Send a read that the device has answered before. If it has answered only `request` so far, send nothing.
+        DeadlineError if a copy of an earlier reply to `request` may still arrive.
         """
         unit_id, request, timing = transaction
         now_s = self.clock.now_s()

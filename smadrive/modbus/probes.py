@@ -27,7 +27,10 @@ NEVER = -FRESH - 1
 
 
 class Probes:
-    """Chooses probes and syncs for one connection, from the frames that have arrived and the `outstanding` frames."""
+    """Chooses the probes and syncs of one connection (see the head of this file).
+
+    It uses the frames that have arrived, and the `outstanding` frames, which may still arrive.
+    """
 
     def __init__(self, outstanding: Outstanding) -> None:
         self._outstanding = outstanding

@@ -106,7 +106,11 @@ def legend(ax: Axes) -> None:
 
 
 def _extremes(values: Array) -> NDArray[np.intp]:
-    """Return the indices of the extremes of `POINTS`/2 intervals, in order; all indices for up to `POINTS` values."""
+    """Return the indices of the points to plot, in order: at most `POINTS` of them, so that no peak is lost.
+
+    The values are cut into `POINTS`/2 intervals of equal length. Each interval gives the indices of its smallest and of
+    its largest value. For at most `POINTS` values, all indices are returned.
+    """
     if values.size <= POINTS:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, POINTS // 2 + 1).astype(np.intp)

@@ -1,7 +1,7 @@
 """Switching the heater off at the end of a run, and the outcome as a typed result.
 
 Every run is a `with` block of `ends_safe`. The block switches the heater off at the end of the run, and after a trip,
-an exception of any type or a signal. Signal number `ABORTS_AT` ends the tries early. No other event prevents the
+an exception of any type or a signal. The `ABORTS_AT`-th signal ends the tries early. No other event prevents the
 writing of the safe state or hides its outcome. `ShutdownOutcome` tells if read-back confirmed the heater off. The error
 that ended the run carries this outcome; `shutdown_of` returns it.
 """
@@ -27,7 +27,7 @@ class ShutdownOutcome:
     """The outcome of switching off.
 
     failure     the error of the last try; None when read-back confirmed the heater off
-    signals     the signals that arrived during the switching off; number `ABORTS_AT` ends the tries
+    signals     the signals that arrived during the switching off, in order; the `ABORTS_AT`-th ends the tries
     ended_run   True after a run that may have heated; the user then reads the outcome even if it is confirmed
     """
 

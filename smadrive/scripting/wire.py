@@ -13,9 +13,8 @@ from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL
 from smadrive.files.spelling import suggestion_or_list
-from smadrive.hysteresis.mixture import MOST_COMPONENTS
 from smadrive.identification.memory.fit import check_memory
-from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, AnyFit, FitSettings, Kind
+from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, MOST_FITTED_COMPONENTS, AnyFit, FitSettings, Kind
 from smadrive.numerics.arrays import paired_vectors
 from smadrive.numerics.scalars import whole_number
 from smadrive.rig.config import FeedbackConfig
@@ -44,7 +43,7 @@ SETS = (3, 99)
 
 @dataclass(frozen=True, repr=False)
 class Wire(IdentifiedWire):
-    """An identified wire with a plot. `fit` is the fit of this script; it is None for a wire from a file.
+    """An identified wire with a plot. `fit` is the fit of this script; a wire from a file has none.
 
     wire = smadrive.identify(run)
     wire.fit.rms_percent, wire.model, wire.heat_balance
@@ -52,12 +51,20 @@ class Wire(IdentifiedWire):
     print(smadrive.load_wire("wire.json").health)
     """
 
-    fit: AnyFit | None = None
+    _fit: AnyFit | None = None
     axes: tuple[str, str] = ("wire temperature / °C", "displacement / mm")
+
+    @property
+    def fit(self) -> AnyFit:
+        """The fit: its errors and certificate. ConfigError for a wire from a file, which holds only the model."""
+        if self._fit is None:
+            cure = "identify its record again, with smadrive.identify; the model of the file is wire.model"
+            raise ConfigError("a wire from a file has no fit", where=self.source or "wire", cure=cure)
+        return self._fit
 
     def plot(self) -> PlotFigure:
         """Return a matplotlib figure of the loop. It shows record and model; for a loaded wire, only the model."""
-        return model_figure(self.model) if self.fit is None else loop_figure(self.fit, self.axes)
+        return model_figure(self.model) if self._fit is None else loop_figure(self._fit, self.axes)
 
     @property
     def health(self) -> WireHealth | None:
@@ -107,7 +114,7 @@ def identify(
     record, source = _fitted(data, displacement_mm, (input, output), settings)
     wire = record.wire(source)
     axes = ("wire temperature / °C", "displacement / mm") if record.thermal is not None else record.axes
-    return Wire(**vars(wire), fit=record.fit, axes=axes)
+    return Wire(**vars(wire), _fit=record.fit, axes=axes)
 
 
 def load_wire(path: str | os.PathLike[str]) -> Wire:
@@ -143,7 +150,7 @@ def _check_options(kind: object, sets: object, memory: object, columns: tuple[ob
 def _check_components(kind: object, components: object) -> None:
     if components is None:
         return
-    whole_number(components, "components", "Gaussians per branch", 1, MOST_COMPONENTS)
+    whole_number(components, "components", "Gaussians per branch", 1, MOST_FITTED_COMPONENTS)
     if kind != "duhem":
         cure = 'leave components out, or pass kind="duhem"'
         raise ConfigError("only a Duhem model has Gaussians", where="components", value=components, cure=cure)

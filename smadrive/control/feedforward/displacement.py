@@ -81,7 +81,7 @@ class DisplacementInverse(Protocol):
 
 
 class HysteresisInverse:
-    """The exact inverse of a hysteresis model.
+    """The exact inverse of a hysteresis model, and a wait for a wire that is ahead of the reference.
 
     A wire that is a little ahead of the reference waits. With a larger lead, the inverse lets the wire reverse.
     """

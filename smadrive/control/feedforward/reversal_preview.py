@@ -49,7 +49,10 @@ class Reversal:
     direction: int
 
     def is_over(self, time_s: float, hysteresis: HysteresisState, travel_mm: float) -> bool:
-        """Return True if the reference has reached the meeting point, or the wire has passed this point."""
+        """Return True if the reversal has ended.
+
+        It ends at `meets_s`, or when the wire has passed the displacement `meets_mm` by more than `BEYOND` strokes.
+        """
         beyond = self.direction * (hysteresis.y - self.meets_mm) / travel_mm
         return time_s >= self.meets_s or beyond > BEYOND
 

@@ -69,7 +69,7 @@ def _check_separators(arguments: str, where: str) -> None:
             if "," not in arguments
             else "separate keys by commas, and use decimal points"
         )
-        raise ConfigError("a semicolon separates keys", where=where, value="';'", cure=cure)
+        raise ConfigError("keys are separated by a semicolon instead of a comma", where=where, value="';'", cure=cure)
     if comma := _DECIMAL_COMMA.search(arguments):
         what, cure = "a decimal comma in a number", f"write {comma[0].replace(',', '.')}"
         raise ConfigError(what, where=where, value=comma[0], cure=cure)

@@ -151,9 +151,10 @@ class Guardian:
         _answer(ANSWERS[action])
 
     def _report(self, result: AttemptResult, *, waits: bool) -> None:
-        """Print the result of an attempt if its outcome differs from the last one.
+        """Print the result of an attempt to switch off, unless the last attempt had the same outcome.
 
-        The first time, also print why the guardian takes over. If `waits`, repeat an old message after `REMIND_S`.
+        Before the first result, print why the guardian takes over. If `waits` is True, the guardian waits for its
+        device, and the same outcome is printed again every `REMIND_S`.
         """
         if self._last is None:
             reason = "ended" if self._driver.ended else f"stood still for {self._timeout_s:g} s"

@@ -98,7 +98,8 @@ class HeatSource(Protocol):
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
         """Command `current_a` (zero while the source is not armed) and measure.
 
-        If `proved` is True, no older reply can be taken for the reply to this command.
+        If `proved` is True, the reply is proved to belong to this command, by an echo or a counter. Otherwise a late
+        reply to an older command may be taken for it.
         """
         ...
 

@@ -112,7 +112,7 @@ class Profile(Section):
         return line.unit_id
 
     def register(self, name: str) -> Register:
-        """Return the register `name`; ConfigError, with the nearest name, if there is none."""
+        """Return the register `name`. ConfigError, with the nearest name as its cure, if the profile has none."""
         try:
             return self.registers[name]
         except KeyError:

@@ -136,7 +136,8 @@ class Register(Section):
             raise ValueError("a string or a sign-magnitude pair cannot be written; access must be 'r'")
         if self.evidence == "uncertain":
             raise ValueError(
-                "an uncertain register must not be written; access must be 'r' until evidence is 'one' or 'two'"
+                "evidence is 'uncertain', so this register must not be written: set access to 'r', or verify the "
+                "register and set evidence to 'one' or 'two' sources"
             )
         if self.min is not None and self.max is not None and self.min > self.max:
             raise ValueError(f"min {self.min:g} exceeds max {self.max:g}")

@@ -32,8 +32,8 @@ IS_POSSIBLE = sys.platform == "linux"
 
 REFUSED = b"refused"
 
-PLACES = 16
-"""Number of addresses for the name of a pseudo-terminal: drivers of ended pseudo-terminals may still occupy some."""
+MOST_NAMES = 16
+"""Number of names for the line of a pseudo-terminal: drivers of ended pseudo-terminals may still listen at some."""
 
 MOST_GROUPS = 256
 """Largest number of groups that Python can ask the kernel for."""
@@ -85,7 +85,7 @@ def address_of(name: str) -> str:
     return f"\0smadrive/{sha256(name.encode()).hexdigest()[:32]}"
 
 
-def places(name: str) -> tuple[str, ...]:
+def alternative_names(name: str) -> tuple[str, ...]:
     """Return the names under which the driver of the line `name` may listen. A driver uses the first free name.
 
     After the end of a pseudo-terminal, its number is soon reused, while the old driver may still run. So there are
@@ -93,7 +93,7 @@ def places(name: str) -> tuple[str, ...]:
     """
     if TERMINALS not in name:
         return (name,)
-    return (name, *(f"{name} place {number}" for number in range(2, PLACES + 1)))
+    return (name, *(f"{name} place {number}" for number in range(2, MOST_NAMES + 1)))
 
 
 def names_of_line(line: str, key: DeviceKey) -> tuple[str, ...]:
@@ -120,10 +120,10 @@ def _supplementary_groups(connection: socket.socket) -> tuple[int, ...]:
 
 
 def listens(pid: int, address: str) -> bool:
-    """Return True if the process listens at `address`, or if its sockets are not visible to this user.
+    """Return True if the process `pid` still listens at `address`, or if this user may not see its sockets.
 
-    The kernel names the process that began to listen. If this process has ended and a child still has its socket, the
-    process id may name another process now.
+    `pid` is the process that began to listen, as the kernel names it. It may have ended while a child keeps its socket;
+    then `pid` may be the id of another process by now.
     """
     shown = address.replace("\0", "@")
     try:

@@ -19,7 +19,7 @@ from types import TracebackType
 from typing import Self
 from weakref import WeakSet
 
-from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, peer_of, places
+from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, alternative_names, peer_of
 from smadrive.errors import BusyError, StoppedError, free_the_line
 from smadrive.posix import after_fork_in_child
 
@@ -178,11 +178,11 @@ def _shut(one: socket.socket) -> None:
 
 
 def _listening(name: str) -> socket.socket:
-    """Return a socket that listens at the first free place of `name`; BusyError if there is none."""
-    for place in places(name):
+    """Return a socket that listens at the first free one of the alternative names of `name`; BusyError without one."""
+    for free_name in alternative_names(name):
         listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
-            listening.bind(address_of(place))
+            listening.bind(address_of(free_name))
         except OSError:
             listening.close()
             continue

@@ -46,9 +46,10 @@ class TomlMistakeError(ValueError):
 
 
 def find_mistake(text: str, message: str) -> Mistake | None:
-    """Return the frequent mistake that explains the parser's `message`. None for any other reason of the message.
+    """Return the frequent mistake that caused the parser's `message`, or None if none of them did.
 
-    If the message names no line, the first line with an open quote is taken.
+    The mistake is sought in the line that the message names. A message without a line is explained by the first line
+    with an open quote.
     """
     lines = text.split("\n")
     place = _PLACE.search(message)

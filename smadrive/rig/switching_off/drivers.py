@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 
-from smadrive.devices.stopping.endpoint import names_of_line, places
+from smadrive.devices.stopping.endpoint import alternative_names, names_of_line
 from smadrive.devices.stopping.request import ANSWERS_WITHIN_S, StoppedDriver, ask_to_stop
 from smadrive.errors import SafetyError
 from smadrive.rig.connections import key_of, line_names
@@ -68,4 +68,4 @@ def _names_and_lines(device: PlannedDevice) -> list[tuple[str, str]]:
         return []
     key = key_of(device)
     names = ((name, line) for line in line_names(device) for name in names_of_line(line, key))
-    return [(place, line) for name, line in names for place in places(name)]
+    return [(listening, line) for name, line in names for listening in alternative_names(name)]

@@ -104,7 +104,10 @@ def _checked(entry: h5py.Group, layout: int) -> Content:
 
 
 def _unchecked(entry: h5py.Group) -> Content:
-    """Return the content of a log without checksums: the rows with a time, which was written as the last value."""
+    """Return the content of a log without checksums.
+
+    The writer wrote the time of a row last, so a row with a time is complete. Rows without a time are left out.
+    """
     metadata = {name: _unchecked_text(dataset) for name, dataset in entry["about"].items()}
     columns, events = _columns(entry), _raw_events(entry)
     columns = _first_rows(columns, int(np.count_nonzero(np.isfinite(columns["time_s"]))))

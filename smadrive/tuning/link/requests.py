@@ -33,7 +33,10 @@ class DrivingRequest(PageRequest):
 
 
 class Off(PageRequest):
-    """Switch the heater off. The button OFF uses the OFF count of the channel instead, which needs no queue."""
+    """Switch the heater off; the Disarm button sends this request.
+
+    The OFF button does not send it: it increments the OFF count of the channel, which needs no queue.
+    """
 
     act: Literal["off"]
 

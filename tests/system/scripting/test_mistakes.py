@@ -75,6 +75,21 @@ MISTAKES = [
     ("data", lambda rig, wire: smadrive.identify("absent.csv"), DataError, "no such file"),
     ("kind", lambda rig, wire: smadrive.identify("excitation.h5", kind="fuzy"), ConfigError, "kind: unknown ('fuzy')"),
     ("sets", lambda rig, wire: smadrive.identify("excitation.h5", sets=2), ConfigError, "sets: not a number of fuzzy"),
+    ("fit", lambda rig, wire: smadrive.load_wire(_saved(wire)).fit, ConfigError, "a wire from a file has no fit"),
+    (
+        "memory",
+        lambda rig, wire: smadrive.identify("l.csv", memory=0),
+        ConfigError,
+        "limit 1 for no memory, or 4 to 40",
+    ),
+    (
+        "memory",
+        lambda rig, wire: smadrive.identify("l.csv", memory=2),
+        ConfigError,
+        "limit 1 for no memory, or 4 to 40",
+    ),
+    ("components", lambda rig, wire: smadrive.identify("l.csv", components=3), ConfigError, 'kind="duhem"'),
+    ("components", lambda rig, wire: smadrive.identify("l.csv", kind="duhem", components=7), ConfigError, "1 to 6"),
     ("sets", lambda rig, wire: smadrive.identify("excitation.h5", sets=-1), ConfigError, "Pass a whole number"),
     ("column", lambda rig, wire: smadrive.identify({}, input=3), ConfigError, "input: of the wrong type (int)"),
     ("sets", lambda rig, wire: smadrive.identify("l.csv", kind="duhem", sets=7), ConfigError, "sets: only a T-S fuzzy"),
@@ -92,6 +107,11 @@ MISTAKES = [
     ("save", lambda rig, wire: wire.save("wire.txt"), DataError, "the name of a model file ends in .json"),
     ("column", lambda rig, wire: smadrive.read_log("excitation.h5")["displacement"], DataError, "displacement_mm"),
 ]
+
+
+def _saved(wire):
+    wire.save("saved.json")
+    return "saved.json"
 
 
 def _sine(**changed):

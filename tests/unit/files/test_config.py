@@ -8,6 +8,7 @@ from pydantic import Field, ValidationError
 
 from smadrive.errors import ConfigError
 from smadrive.files.config import Section, load_config, read_toml
+from smadrive.files.config_problems import MOST_DESCRIBED
 
 
 class Inner(Section):
@@ -35,7 +36,10 @@ def test_valid_file_loads_and_is_immutable(tmp_path):
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ('nme = "x"\nparts = []', ("nme: ", "'name'", "1 more")),
+        ('nme = "x"\nparts = []', ("nme: ", "'name'")),
+        ('nme = "x"\nparts = 3', ("nme: ", "'name'", "parts: ")),
+        ('nme = "x"', ("nme: ", "'name'", "parts: missing")),
+        ('name = "x"\nparts = [{current_max_a = nan}, {}, 3]', ("parts.0.current_max_a: ", "parts.1.", "parts.2: ")),
         ('name = "x"\nparts = []\nprats = 1', ("prats: ", "'parts'")),
         (
             'name = "x"\n[[parts]]\ncurent_max_a = 1.0\ncurrent_max_a = 1.0',
@@ -57,6 +61,17 @@ def test_error_names_file_and_key_in_one_line(tmp_path, text, named):
     assert caught.value.where == str(tmp_path / "rig.toml")
     assert [part for part in named if part not in caught.value.what] == []
     assert "\n" not in str(caught.value)
+    assert "more)" not in caught.value.what
+    assert "name: missing" not in caught.value.what
+
+
+def test_many_problems_are_counted(tmp_path):
+    numbers = (f"current_max_a = '{number}'" for number in range(20))
+    parts = ", ".join(f"{{{one}}}" for one in numbers)
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, f'name = "x"\nparts = [{parts}]')
+    assert caught.value.what.count("put a number there") == MOST_DESCRIBED
+    assert caught.value.what.endswith(f"(and {20 - MOST_DESCRIBED} more)")
 
 
 def test_byte_order_mark_is_skipped(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 from smadrive.errors import ConfigError
 from smadrive.files.config import read_toml
 from smadrive.files.csv_table import read_table
-from smadrive.files.spelling import NO_TEXT
+from smadrive.files.spelling import NO_TEXT, suggested_file
 from smadrive.hysteresis import load_model
 from smadrive.rig.config import load_rig
 from smadrive.rig.switching_off.off_config import load_off_config
@@ -54,3 +54,20 @@ def test_binary_file_is_no_text_file(tmp_path, read, name):
         read(path)
     assert (error.value.what, error.value.where) == (NO_TEXT, str(path))
     assert error.value.cure
+
+
+@pytest.mark.parametrize(
+    ("typed", "present"), [("nofile.h5", "offd.h5"), ("simulated.h5", "ma.h5"), ("sine.csv", "wire.csv")]
+)
+def test_file_with_another_name_is_not_suggested(tmp_path, typed, present):
+    (tmp_path / present).touch()
+    assert suggested_file(tmp_path / typed) == ""
+
+
+@pytest.mark.parametrize(("typed", "near"), [("simulated.toml", "simulated"), ("in-proces.toml", "in-process")])
+def test_shipped_name_with_an_ending_is_suggested_without_it(tmp_path, monkeypatch, typed, near):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ma.toml").touch()
+    with pytest.raises(ConfigError) as error:
+        load_rig(typed)
+    assert error.value.cure == f"did you mean the shipped '{near}', without .toml?"
