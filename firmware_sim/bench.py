@@ -19,9 +19,11 @@ from collections.abc import Callable
 from math import sqrt
 from random import SystemRandom
 
+from firmware_sim.board.emulator.firmware import EmulatedFirmware
+from firmware_sim.board.native_board import NativeBoard
 from firmware_sim.bus.random_faults import RandomBusFaults
 from firmware_sim.config import SimConfig
-from firmware_sim.devices.board import BoardFirmware
+from firmware_sim.devices.board.firmware import BoardFirmware
 from firmware_sim.devices.device import SimulatedDevice
 from firmware_sim.devices.firmware import DeviceParts, RegisterFirmware
 from firmware_sim.devices.instrument import InstrumentFirmware
@@ -80,9 +82,12 @@ class SimulatedBench:
         if not profile.has_registers:
             tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.resistance_ohm, log_event)
             return DeviceParts(tclab, tclab)
+        serial_number = _random_serial_number() if board.serial_number is None else board.serial_number
+        if profile.profile.role == "heater" and board.implementation != "python":
+            return self._board_in_c(profile, serial_number, log_event)
         firmware = self._register_firmware(profile, log_event)
         bank = RegisterBank(profile)
-        bank.preset("serial_number", _random_serial_number() if board.serial_number is None else board.serial_number)
+        bank.preset("serial_number", serial_number)
         bank.preset("firmware_version", FIRMWARE_VERSION)
         return DeviceParts(firmware, Responder(bank, firmware, profile.timing))
 
@@ -94,11 +99,32 @@ class SimulatedBench:
     def _register_firmware(self, profile: Profile, log_event: Callable[[str], None]) -> RegisterFirmware:
         match profile.profile.role:
             case "heater":
-                return BoardFirmware(self.config.board, self.sensors, log_event)
+                version = 1 if profile.roles.estop is None else 2
+                return BoardFirmware(self.config.board, self.sensors, log_event, version, self.seed)
             case "supply":
                 return SupplyFirmware(self.sensors, profile, log_event)
             case _:
                 return InstrumentFirmware(self.sensors, profile.timing.update_ms / 1e3)
+
+    def _board_in_c(self, profile: Profile, serial_number: int, log_event: Callable[[str], None]) -> DeviceParts:
+        if profile.roles.estop is None:
+            raise ConfigError(
+                "the board core serves only map version 2",
+                where=f"profile '{profile.profile.id}'",
+                cure="use the profile sma-reference, or the implementation python",
+            )
+        if self.config.board.implementation == "atmega328p":
+            emulated = EmulatedFirmware(self.config, self.sensors, log_event, serial_number, self.seed)
+            return DeviceParts(emulated, emulated, emulated.line)
+        native = NativeBoard(
+            self.config.board,
+            self.sensors,
+            log_event,
+            serial_number=serial_number,
+            firmware_version=FIRMWARE_VERSION,
+            seed=self.seed,
+        )
+        return DeviceParts(native, native)
 
     def advance_to(self, time_s: float) -> None:
         """Run the bench until `time_s`. Do nothing for a time in the past."""

@@ -13,7 +13,7 @@ from typing import Annotated, TextIO
 import typer
 
 from firmware_sim.bench import SimulatedBench
-from firmware_sim.config import load_sim
+from firmware_sim.config import SimConfig, load_sim
 from firmware_sim.devices.device import SimulatedDevice
 from firmware_sim.devices.replay import Replay
 from firmware_sim.fault_script import load_script
@@ -35,6 +35,14 @@ class Time(StrEnum):
     REAL = "real"
     LOCKSTEP = "lockstep"
     DRIVEN = "driven"  # lockstep, as version 0.1 called it
+
+
+class BoardKind(StrEnum):
+    """The implementation of the board's firmware."""
+
+    PYTHON = "python"
+    NATIVE = "native"
+    ATMEGA328P = "atmega328p"
 
 
 @main.command()
@@ -72,6 +80,13 @@ def serve(
             help="Source of the time: real is the machine's clock, lockstep (in 0.1: driven) is standard input."
         ),
     ] = Time.REAL,
+    board: Annotated[
+        BoardKind | None,
+        typer.Option(
+            help="Firmware of the board: python, native (the C core), or atmega328p (the program of an emulated "
+            "microcontroller). The default is that of the SIM.toml."
+        ),
+    ] = None,
     faults: Annotated[
         Path | None, typer.Option(help="A script of faults (docs/simulator.md).", metavar="FAULTS.toml")
     ] = None,
@@ -88,10 +103,10 @@ def serve(
             log_line = _line_writer(file)
             address = _listen_address(pty, tcp, rtu_tcp)
             if replay is not None:
-                _check_alone(sim or profile or faults or line_speed)
+                _check_alone(sim or profile or faults or line_speed or board)
                 _serve_replay(Replay(replay, log_line), address, stack, log_line, time)
             else:
-                bench = SimulatedBench(load_sim(_named(sim)), seed, log_line)
+                bench = SimulatedBench(_with_board(load_sim(_named(sim)), board), seed, log_line)
                 devices = _attached(bench, address, profile)
                 if faults is not None:
                     bench.follow_script(load_script(faults))
@@ -101,10 +116,16 @@ def serve(
         raise typer.Exit(error.exit_code) from None
 
 
+def _with_board(config: SimConfig, board: BoardKind | None) -> SimConfig:
+    if board is None:
+        return config
+    return config.model_copy(update={"board": config.board.model_copy(update={"implementation": board.value})})
+
+
 def _check_alone(other: object) -> None:
     if other:
         raise ConfigError(
-            "this option cannot be combined with SIM.toml, --profile, --faults or --line-speed",
+            "this option cannot be combined with SIM.toml, --profile, --board, --faults or --line-speed",
             where="--replay",
             cure="leave out the others",
         )

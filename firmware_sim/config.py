@@ -18,6 +18,9 @@ A Preisach plane has cells of 0.25 K, so the number of its cells grows with the 
 """
 
 
+Implementation = Literal["python", "native", "atmega328p"]
+
+
 class Wire(Section):
     """The wire as one lumped mass. The latent heat is in J/kg, so the wire needs `mass_kg` too.
 
@@ -118,12 +121,17 @@ class Sense(Section):
 
 
 class Board(Section):
-    """Power-up defaults and hardware limits of the board. Without `serial_number` each start has a random number."""
+    """Power-up defaults and hardware limits of the board. Without `serial_number` each start has a random number.
+
+    `implementation` is the firmware of an `sma-reference` board: in Python, the C core compiled for this computer, or
+    the program of the ATmega328P on an emulated microcontroller.
+    """
 
     watchdog_s: float = Field(ge=0.05, le=10)
     temperature_max_c: float
     supply_limit_a: float = Field(gt=0)
     serial_number: int | None = Field(default=None, ge=0, le=0xFFFFFFFF)
+    implementation: Implementation = "python"
 
 
 class DeviceEntry(Section):

@@ -21,6 +21,7 @@ The class says where the cause lies; the message names what is wrong, where, the
     │   ├── FrontSilentError    no process answers OFF of the tuning page
     │   └── LoopProcessError    the loop process of a script has ended
     ├── ControllerError         a controller of the user fails              exit code 2
+    ├── MotionError             a motion of a servo has not reached its end exit code 4
     └── IdentificationError     the data do not determine the model             exit code 5
 
     BaseException
@@ -39,8 +40,8 @@ CUT = (
 """`UNCONFIRMED` begins and `CUT` ends the note that an error carries when current may still flow."""
 
 
-STOPPED = "stopped by `smadrive off`"
-"""The end of a run by an emergency stop, as errors, logs and rigs say it."""
+STOPPED = "stopped by"
+"""The words before the program that made an emergency stop, in errors and in the state of a rig."""
 
 
 def free_the_line(pid: int | None) -> str:
@@ -145,6 +146,12 @@ class ProtocolError(SmadriveError):
     """A reply is not the answer to the request: its CRC, unit, function, byte count or sequence number is wrong."""
 
     exit_code = 3
+
+
+class MotionError(SmadriveError):
+    """A motion of a servo has not reached its end: it took too long, or another motion or the end of the run came."""
+
+    exit_code = 4
 
 
 class DeviceError(SmadriveError):

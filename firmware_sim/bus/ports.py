@@ -8,6 +8,8 @@ device, this device also answers requests to the units 0 and 255. The port drops
 not 0. After an impossible length the port drops all pending bytes, because the stream is not Modbus.
 
 Text: a line ends with CR or LF, or when the board's buffer is full.
+
+Raw: the device itself finds the requests in the bytes.
 """
 
 from __future__ import annotations
@@ -119,3 +121,14 @@ class TextPort:
             lines.append(self._pending)
             self._pending = b""
         return [delivery for line in lines if line for delivery in self._answer(TextMessage(line), time_s)]
+
+
+class RawPort:
+    """A port to one device that reads the bytes of the line itself; `exchange` passes the bytes to the device."""
+
+    def __init__(self, exchange: Callable[[bytes, float], list[Delivery]]) -> None:
+        self._exchange = exchange
+
+    def receive(self, data: bytes, time_s: float) -> list[Delivery]:
+        """Return the deliveries (time of arrival, bytes) that answer `data`, which arrives at `time_s`."""
+        return self._exchange(data, time_s)

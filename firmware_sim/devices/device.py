@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from firmware_sim.bus.faults import BusFaults, Delivery
-from firmware_sim.bus.message import Message
-from firmware_sim.bus.ports import Port, RtuPort, TcpPort, TextPort
+from firmware_sim.bus.message import Message, ModbusMessage
+from firmware_sim.bus.ports import Port, RawPort, RtuPort, TcpPort, TextPort
 from firmware_sim.config import SimConfig
 from firmware_sim.devices.firmware import DeviceParts
 from firmware_sim.fault_parameters import Delay
@@ -44,7 +44,7 @@ class SimulatedDevice:
         self.profile = profile
         self.unit_id = profile.unit_id if unit_id is None else unit_id
         self.name = name
-        self.firmware, self.responder = bench.build_parts(profile, self._log_event)
+        self.firmware, self.responder, self._serial_line = bench.build_parts(profile, self._log_event)
         self.faults = BusFaults(lambda: bench.time_s, seed)
         self.line = Line((self,))
         self._boot_s, self._min_gap_s = profile.timing.boot_ms / 1e3, profile.timing.min_gap_ms / 1e3
@@ -56,13 +56,28 @@ class SimulatedDevice:
         Like a real device, the simulated device ignores requests while it starts. After each request it also ignores
         requests for the time `min_gap_ms` of its profile.
         """
-        if time_s < self._deaf_until_s - 1e-9:
+        if not self._listens(time_s):
             return []
         self._deaf_until_s = time_s + self._min_gap_s
         if request.broadcast:
             self.responder.answer(request.pdu)
             return []
         return self.faults.answer(request, self.responder.answer, time_s)
+
+    @property
+    def raw_port(self) -> Port | None:
+        """A port for bytes that the device reads itself, or None if the simulator finds the requests for it."""
+        return None if self._serial_line is None else RawPort(self.exchange)
+
+    def exchange(self, data: bytes, time_s: float) -> list[Delivery]:
+        """Pass `data` to the serial line of the device, and return the deliveries of its replies."""
+        if self._serial_line is None or not self._listens(time_s):
+            return []
+        deliveries = []
+        for due_s, frame in self._serial_line.exchange(data):
+            reply = ModbusMessage(frame[0], frame[1:-2])
+            deliveries += self.faults.answer(reply, _same, max(due_s, time_s))
+        return deliveries
 
     def transport(self, clock: Clock | None = None) -> InProcessTransport:
         """Return a connection to this device alone, in this process. `clock` is described at `Line.transport`."""
@@ -81,8 +96,15 @@ class SimulatedDevice:
         self.firmware.restart()
         self._deaf_until_s = self.bench.time_s + for_s + self._boot_s
 
+    def _listens(self, time_s: float) -> bool:
+        return time_s >= self._deaf_until_s - 1e-9
+
     def _log_event(self, text: str) -> None:
         self.bench.log_event(f"{self.name}: {text}" if self.name else text)
+
+
+def _same(pdu: bytes) -> bytes:
+    return pdu
 
 
 class Line:
@@ -98,10 +120,12 @@ class Line:
         """Return a new port to the same devices.
 
         If the device has no registers, the port takes lines of text. Otherwise the port takes Modbus TCP frames with
-        `numbered`, and RTU frames without it.
+        `numbered`, and RTU frames without it. A device that is alone on a line may read the bytes itself.
         """
         if not self._profile.has_registers:
             return TextPort(self.devices[0].answer)
+        if len(self.devices) == 1 and not numbered and (port := self.devices[0].raw_port):
+            return port
         return TcpPort(self.devices) if numbered else RtuPort(self.devices)
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:

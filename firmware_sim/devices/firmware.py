@@ -54,8 +54,20 @@ class RequestHandler(Protocol):
         ...
 
 
+class OwnSerialLine(Protocol):
+    """The serial line of a device that reads the bytes of the line itself."""
+
+    def exchange(self, data: bytes) -> list[tuple[float, bytes]]:
+        """Send `data` to the device, and return the frames that it answers, each with the time of its last byte."""
+        ...
+
+
 class DeviceParts(NamedTuple):
-    """The firmware of a device, and the handler of its requests."""
+    """The firmware of a device, and the handler of its requests.
+
+    Without `serial_line`, the simulator finds the requests in the bytes of the line.
+    """
 
     firmware: Firmware
     responder: RequestHandler
+    serial_line: OwnSerialLine | None = None

@@ -3,6 +3,7 @@
     thermocouple   open, short (which the converter detects); bridge, reverse, freeze, stop_conversions, drift, spike
     displacement   stick, slip, spike
     sense          lose_current, lose_voltage (the device that heats measures NaN)
+    hardware       press_estop, silence_sensor_bus, stick_actuator (which a board detects)
 
 Each fault lasts for `for_s` seconds, or until the sensor is mended. A new fault of a sensor ends its previous one.
 """
@@ -21,6 +22,7 @@ SENSOR_FAULTS = (
     *("stop_conversions", "drift_thermocouple", "spike_thermocouple", "mend_thermocouple"),
     *("stick_displacement", "slip_displacement", "spike_displacement", "mend_displacement"),
     *("lose_current", "lose_voltage", "mend_sense"),
+    *("press_estop", "release_estop", "silence_sensor_bus", "stick_actuator", "mend_hardware"),
 )
 HEALTHY = "none"
 
@@ -65,7 +67,7 @@ class SensorFault:
 
 
 class SensorFaults:
-    """The faults of the thermocouple, of the displacement sensor, and of the measured current and voltage."""
+    """The faults of the thermocouple, the displacement sensor, measured current and voltage, and of the hardware."""
 
     def __init__(self, seed: int) -> None:
         """`seed` seeds the spikes."""
@@ -73,7 +75,11 @@ class SensorFaults:
         self.displacement = SensorFault()
         self.current = SensorFault()
         self.voltage = SensorFault()
-        self._sensors = self.thermocouple, self.displacement, self.current, self.voltage
+        self.estop = SensorFault()
+        self.sensor_bus = SensorFault()
+        self.actuator = SensorFault()
+        self.hardware = self.estop, self.sensor_bus, self.actuator
+        self._sensors = self.thermocouple, self.displacement, self.current, self.voltage, *self.hardware
         self._random = Random(seed)
 
     def open_thermocouple(self, for_s: Seconds | None = None) -> None:
@@ -143,6 +149,27 @@ class SensorFaults:
         """Measure current and voltage again."""
         self.current.end()
         self.voltage.end()
+
+    def press_estop(self, for_s: Seconds | None = None) -> None:
+        """The emergency stop of the board is pressed."""
+        self.estop.begin("pressed", for_s)
+
+    def release_estop(self) -> None:
+        """The emergency stop of the board is released."""
+        self.estop.end()
+
+    def silence_sensor_bus(self, for_s: Seconds | None = None) -> None:
+        """A sensor of the board does not answer."""
+        self.sensor_bus.begin("silent", for_s)
+
+    def stick_actuator(self, for_s: Seconds | None = None) -> None:
+        """The current source of the board does not answer, and keeps its current while it is enabled."""
+        self.actuator.begin("stuck", for_s)
+
+    def mend_hardware(self) -> None:
+        """End the faults of sensor bus and current source."""
+        self.sensor_bus.end()
+        self.actuator.end()
 
     def advance(self, dt_s: float) -> None:
         """Let `dt_s` pass; faults end when their time is over."""

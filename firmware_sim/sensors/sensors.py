@@ -6,7 +6,7 @@ from firmware_sim.config import SimConfig
 from firmware_sim.physics.plant import Plant
 from firmware_sim.sensors.bead import Bead
 from firmware_sim.sensors.noise import Noise
-from firmware_sim.sensors.sensor_faults import SensorFaults
+from firmware_sim.sensors.sensor_faults import HEALTHY, SensorFaults
 
 
 class Sensors:
@@ -44,6 +44,15 @@ class Sensors:
         name = self.faults.thermocouple.name
         return name if name in ("open", "short") else None
 
+    @property
+    def findings(self) -> list[str]:
+        """What the hardware of a board detects by itself: "open" or "short", "pressed", "silent" and "stuck".
+
+        The emergency stop is pressed, a sensor does not answer on its bus, or the current source does not answer.
+        """
+        found = [] if self.unreadable is None else [self.unreadable]
+        return found + [fault.name for fault in self.faults.hardware if fault.name != HEALTHY]
+
     def advance(self, wire_before_c: float, dt_s: float) -> None:
         """Update the readings after the plant advanced by `dt_s`, beginning at the wire temperature `wire_before_c`."""
         self.faults.advance(dt_s)
@@ -68,7 +77,8 @@ class Sensors:
     def _convert(self) -> None:
         right_c = self.bead.temperature_c + self._noise_c * self._noise.next()
         shown_c = self.faults.thermocouple.shown(right_c, self.temperature_c, self.cold_junction_c)
-        self.temperature_c = round(shown_c / self._quantum_c) * self._quantum_c
+        if self.unreadable is None:
+            self.temperature_c = round(shown_c / self._quantum_c) * self._quantum_c
 
     def _sense_heater(self) -> None:
         right_a = max(0.0, self._plant.current_a + self._noise_a * self._noise.next())

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from firmware_sim.bus.line_speed import SlowLine
-from firmware_sim.bus.ports import Port
+from firmware_sim.bus.ports import Port, RawPort
 from firmware_sim.config import DeviceEntry
 from firmware_sim.server.endpoint import Endpoint
 from firmware_sim.server.pty_endpoint import PtyEndpoint
@@ -60,7 +60,9 @@ def open_endpoint(
 
     def rtu_port() -> Port:
         port = new_port(False)
-        return SlowLine(port, settings) if line_speed and settings is not None else port
+        if not line_speed or settings is None or isinstance(port, RawPort):  # a raw port has the speed of its line
+            return port
+        return SlowLine(port, settings)
 
     if address.kind == "rtu_tcp":
         return TcpEndpoint(address.address or "0", "rtu+tcp", rtu_port, log)

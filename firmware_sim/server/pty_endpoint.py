@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tty
 from collections.abc import Sequence
 from pathlib import Path
 
 from firmware_sim.bus.ports import Port
 from firmware_sim.server.endpoint import EndpointConnection, Received
 from smadrive.errors import ConfigError
+from smadrive.posix import tty
 
 _CHUNK = 512
 

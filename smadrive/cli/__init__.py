@@ -32,7 +32,7 @@ def main() -> None:
     open_stdout()
     interrupt = _Interrupt()
     for number in SIGNALS:
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # with nohup, SIGHUP stays ignored
+        if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN:  # with nohup, SIGHUP stays ignored
             signal.signal(number, interrupt)
     try:
         from smadrive.cli.app import (  # noqa: PLC0415 (a signal during this import is handled, too)

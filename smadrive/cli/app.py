@@ -12,8 +12,9 @@ from smadrive.cli.usage import PlainCommand, PlainGroup, epilog_of
 
 COMMANDS = {
     "demo": "Identify and drive a simulated wire, and write a report.",
-    "list": "List the shipped rigs, wires, device profiles and simulated wires.",
+    "list": "List the shipped rigs, wires, device profiles, simulated wires and campaigns.",
     "scan": "Find the devices on a line and the profiles that match them.",
+    "board": "Check a board on the desk: conformance frames, and safety checks without a wire.",
     "probe": "Connect to a rig, check its devices, show live values.",
     "watch": "Show the live values of a rig, without heat.",
     "calibrate": "Find offset and scale of a rig's sensor at known values.",
@@ -24,6 +25,7 @@ COMMANDS = {
     "invert": "Find the input with which a model follows the output in a file.",
     "run": "Track a displacement reference on a rig.",
     "tune": "Open the live tuning page of a rig.",
+    "campaign": "Execute many simulated runs, or many fits, on all cores or on a Dask cluster.",
     "report": "Show a log as one page with plots, metrics, faults and provenance, or as CSV; or several side by side.",
     "replay": "Run model and controller again on a recorded run.",
     "paper": "Repeat the simulation of the published T-S fuzzy Duhem model.",

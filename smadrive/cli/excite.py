@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.publishing import Publish, Publishing, publishing
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
@@ -30,40 +31,51 @@ def main(
     rig: RigFile,
     log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
     trace: TraceFolder = None,
+    publish: Publish = None,
     as_json: AsJson = False,
 ) -> None:
     """Run the identification experiment of RIG, within its limits, and record it. The wire is heated."""
     output = Output(as_json)
     check_output(log_file, LOG)
+    config = load_rig(rig)
     try:
         with (
             log_named_at_interruption(log_file, "the experiment"),
             health_recorded(log_file, output.warn),
-            Rig(load_rig(rig), trace_folder=trace) as open_rig,
+            publishing(publish, config, "excite", output) as stream,
+            Rig(config, trace_folder=trace) as open_rig,
         ):
+            stream.begin(open_rig)
             excitation = plan_excitation(open_rig)
-            metrics = _excite(log_file, open_rig, excitation, output)
+            metrics = _excite(log_file, open_rig, excitation, output, stream)
     except TripError as trip:
         try:
             log = read_log(log_file)
-            _print_metrics(log_file, tripped_loop_metrics(log), excitation_of(log), output, tripped=str(trip))
+            planned, published = excitation_of(log), stream.result()
+            _print_metrics(log_file, tripped_loop_metrics(log), planned, output, published, tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
-    _print_metrics(log_file, metrics, excitation, output, tripped=None)
+    _print_metrics(log_file, metrics, excitation, output, stream.result(), tripped=None)
 
 
-def _excite(log_file: Path, rig: Rig, excitation: Excitation, output: Output) -> LoopMetrics:
-    """Excite the wire, record the run in `log_file`, and show it. Return the metrics of the loop.
+def _excite(log_file: Path, rig: Rig, excitation: Excitation, output: Output, stream: Publishing) -> LoopMetrics:
+    """Excite the wire, record the run in `log_file`, show it and publish it. Return the metrics of the loop.
 
     TripError after a trip.
     """
-    watch = shown("exciting", rig.config.limits.current_max_a, quiet=output.quiet)
+    watch = stream.watch(shown("exciting", rig.config.limits.current_max_a, quiet=output.quiet))
     announced_watch = announced(output, log_file, "the experiment", rig.clock, watch, excitation)
     return excite(log_file, rig, excitation, announced_watch)
 
 
 def _print_metrics(
-    log_file: Path, metrics: LoopMetrics, excitation: Excitation, output: Output, *, tripped: str | None
+    log_file: Path,
+    metrics: LoopMetrics,
+    excitation: Excitation,
+    output: Output,
+    published: dict[str, Any],
+    *,
+    tripped: str | None,
 ) -> None:
     samples, missed = count_text(metrics.ticks, "sample"), count_text(metrics.missed_deadlines, "missed deadline")
     ended = "the heater is off" if tripped is None else "then the run tripped"
@@ -78,5 +90,6 @@ def _print_metrics(
             "plan": excitation.plan,
             "reversal_curves": excitation.reversal_curves,
             "duration_s": excitation.duration_s,
+            **published,
         }
     )

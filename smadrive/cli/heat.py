@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.publishing import Publish, publishing
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
 from smadrive.cli.views.run_view import number, shown
 from smadrive.control.controllers.step import ManualStep
@@ -34,6 +35,7 @@ def main(
         Path | None, typer.Option("--log-file", "-o", help="Log (.h5) to write; heat.h5, heat-2.h5, … by default.")
     ] = None,
     trace: TraceFolder = None,
+    publish: Publish = None,
     as_json: AsJson = False,
 ) -> None:
     """Hold a current or a temperature of the wire of RIG for a time, within its limits, and record it.
@@ -47,20 +49,27 @@ def main(
     closed_rig = Rig(load_rig(rig), trace_folder=trace)
     check_step(step, closed_rig.config, closed_rig.data_sheet)
     try:
-        with log_named_at_interruption(log_file, "the step"), closed_rig as open_rig:
+        with (
+            log_named_at_interruption(log_file, "the step"),
+            publishing(publish, closed_rig.config, "heat", output) as stream,
+            closed_rig as open_rig,
+        ):
             output.warn(step_doubts(open_rig, step))
-            watch = shown(f"heating, {step}", open_rig.config.limits.current_max_a, quiet=output.quiet)
+            stream.begin(open_rig)
+            watch = stream.watch(shown(f"heating, {step}", open_rig.config.limits.current_max_a, quiet=output.quiet))
             loop = heat(log_file, open_rig, step, announced(output, log_file, "the step", open_rig.clock, watch))
     except TripError as trip:
         try:
             log = read_log(log_file)
-            _print_metrics(log, step, tripped_loop_metrics(log), output, tripped=str(trip))
+            _print_metrics(log, step, tripped_loop_metrics(log), output, stream.result(), tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
-    _print_metrics(read_log(log_file), step, loop, output, tripped=None)
+    _print_metrics(read_log(log_file), step, loop, output, stream.result(), tripped=None)
 
 
-def _print_metrics(log: Log, step: ManualStep, loop: LoopMetrics, output: Output, *, tripped: str | None) -> None:
+def _print_metrics(
+    log: Log, step: ManualStep, loop: LoopMetrics, output: Output, published: dict[str, Any], *, tripped: str | None
+) -> None:
     """Print what the step did up to its end or its trip."""
     metrics, caveats = step_metrics(log), step_caveats(log)
     output.table(("quantity", "value"), _rows(metrics))
@@ -76,6 +85,7 @@ def _print_metrics(log: Log, step: ManualStep, loop: LoopMetrics, output: Output
             "log_file": str(log.path),
             "caveats": (*log.parsed("caveats", tuple), *caveats),
             "tripped": tripped,
+            **published,
         }
     )
 

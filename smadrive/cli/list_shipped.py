@@ -1,4 +1,4 @@
-"""`smadrive list`: the shipped rigs, wires, device profiles and simulated wires."""
+"""`smadrive list`: the shipped rigs, wires, device profiles, simulated wires and campaigns."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ HEADER = ("name", "kind", "what it is")
 
 
 def main(as_json: AsJson = False) -> None:
-    """List the shipped rigs, wires, device profiles and simulated wires. A command takes them by their names."""
+    """List the shipped rigs, wires, device profiles, simulated wires and campaigns.
+
+    A command takes them by their names.
+    """
     output = Output(as_json)
     files = shipped_files()
     rows = [(file.name, kind.removesuffix("s"), file.what) for kind, of_kind in files.items() for file in of_kind]

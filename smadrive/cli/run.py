@@ -6,12 +6,13 @@ import shlex
 from dataclasses import asdict, replace
 from math import isnan
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.publishing import Publish, publishing
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
@@ -71,6 +72,7 @@ def main(
         Path | None, typer.Option(help="Log of a run with --repeat that ended early: run its remaining cycles.")
     ] = None,
     trace: TraceFolder = None,
+    publish: Publish = None,
     as_json: AsJson = False,
 ) -> None:
     """Track a displacement reference with the wire of RIG, by the inverse of its identified model.
@@ -90,22 +92,24 @@ def main(
         with (
             log_named_at_interruption(log_file, "the run", rest),
             health_recorded(log_file, output.warn),
+            publishing(publish, config, "run", output) as stream,
             Rig(config, trace_folder=trace) as open_rig,
         ):
+            stream.begin(open_rig)
             plan = plan_tracking(
                 open_rig, given.reference, given.wire, smooth=smooth, smooth_option="--smooth", cycling=given.cycling
             )
             plan = replace(plan, caveats=(*given.caveats, *plan.caveats))
             warned = plan.caveats
             output.warn(warned)
-            watch = shown("tracking", config.limits.current_max_a, quiet=output.quiet)
+            watch = stream.watch(shown("tracking", config.limits.current_max_a, quiet=output.quiet))
             loop = track(log_file, open_rig, plan, announced(output, log_file, "the run", open_rig.clock, watch))
     except TripError as trip:
         try:
-            _print_metrics(read_log(log_file), None, output, warned, tripped=str(trip))
+            _print_metrics(read_log(log_file), None, output, warned, stream.result(), tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
-    _print_metrics(read_log(log_file), loop, output, warned, tripped=None)
+    _print_metrics(read_log(log_file), loop, output, warned, stream.result(), tripped=None)
 
 
 def _given(config: RigConfig, reference: str | None, model: Path | None, repeat: int | None) -> _Given:
@@ -152,7 +156,13 @@ def _rest_text(rig: str, log_file: Path) -> str:
 
 
 def _print_metrics(
-    log: Log, loop: LoopMetrics | None, output: Output, warned: tuple[str, ...], *, tripped: str | None
+    log: Log,
+    loop: LoopMetrics | None,
+    output: Output,
+    warned: tuple[str, ...],
+    published: dict[str, Any],
+    *,
+    tripped: str | None,
 ) -> None:
     """Print the metrics of the run up to its end or its trip. `loop` is None after a trip.
 
@@ -173,7 +183,7 @@ def _print_metrics(
     )
     output.say(f"log: {log.path}{done}")
     of_cycles = {} if cycling is None else {"cycles": [asdict(one) for one in cycles], "cycles_planned": cycling.total}
-    output.result({**asdict(metrics), "caveats": caveats, "tripped": tripped, **of_cycles})
+    output.result({**asdict(metrics), "caveats": caveats, "tripped": tripped, **of_cycles, **published})
 
 
 def table_row(name: str, metrics: TrackingMetrics) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import typer
 from smadrive.cli.output import AsJson, Output
 from smadrive.errors import ConfigError, DeviceError
 from smadrive.files.number_text import parse_whole
-from smadrive.rig.discovery import DiscoveredDevice, discover
+from smadrive.rig.ports.discovery import DiscoveredDevice, discover
 
 Port = Annotated[str, typer.Argument(help="/dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port", metavar="PORT")]
 Units = Annotated[str, typer.Option(help="Unit ids to ask, as in 1-10 or 1,3,7.", metavar="IDS")]

@@ -7,17 +7,18 @@ import os
 import secrets
 import webbrowser
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from smadrive.cli.live_page import check_bokeh, check_real_time
 from smadrive.cli.options import PAGE_PORT, RigFile
 from smadrive.cli.output import AsJson, Output, make_folder
+from smadrive.cli.publishing import OFF_BY_MQTT, Publish, published
 from smadrive.cli.run import model_file
 from smadrive.cli.views.tune_view import TuneView, watched
 from smadrive.control.references.reference import Reference
@@ -25,7 +26,7 @@ from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.real_time import use_real_time_scheduling
-from smadrive.rig.config import load_rig, rig_file
+from smadrive.rig.config import RigConfig, load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import read_reference
 from smadrive.runs.health.assessment import assess, expected_of
@@ -37,6 +38,9 @@ from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 from smadrive.wire.wire_model import travel_mm
+
+if TYPE_CHECKING:
+    from smadrive.telemetry.publication import Publication
 
 LOW, HIGH, PERIOD_S = 0.2, 0.8, 56.0
 """The default reference, a slow sine: its ends as shares of the travel from the cold end, and its period in s."""
@@ -58,6 +62,7 @@ def main(
         int, typer.Option(min=0, max=65535, help="Port of the page on 127.0.0.1; 0 picks a free one.")
     ] = PAGE_PORT,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    publish: Publish = None,
     as_json: AsJson = False,
 ) -> None:
     """Open the live tuning page of RIG. Ctrl-C switches the heater off and ends the command.
@@ -74,9 +79,12 @@ def main(
         _named_at_the_end(output) as log_files,
         BuilderProcess() as builder,
         ControlEnd() as channel,
+        _published(publish, config, channel, output) as stream,
         Rig(config) as open_rig,
     ):
         check_real_time(open_rig)
+        if stream is not None:
+            stream.on_off = lambda: open_rig.stop.request(OFF_BY_MQTT)
         balance = wire.heat_balance or open_rig.nominal_balance
         open_rig.check_balance(balance)
         page = TuningPage(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
@@ -103,6 +111,13 @@ def main(
                 use_real_time_scheduling()
                 with watched(view, output):
                     session.run()
+
+
+def _published(
+    url: str | None, config: RigConfig, channel: ControlEnd, output: Output
+) -> AbstractContextManager[Publication | None]:
+    """Return the context in which the session is published, or an empty one without `--publish`."""
+    return nullcontext() if url is None else published(url, config, "tune", channel, output)
 
 
 @contextmanager

@@ -11,12 +11,12 @@ import typer
 
 from smadrive.cli.options import PAGE_PORT, RigFile, TraceFolder
 from smadrive.cli.output import Output
+from smadrive.cli.publishing import Publish, each, publishing
 from smadrive.cli.stdout import is_unread
 from smadrive.cli.views.announcement import announce
 from smadrive.cli.views.keyboard import end_interrupt, end_key
 from smadrive.cli.views.watch_view import Extremes, watched_values
 from smadrive.clock import VirtualClock
-from smadrive.control.loop import Tick
 from smadrive.display.card import count_text
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
@@ -38,6 +38,7 @@ def main(
         Path | None, typer.Option("--log-file", "-o", help="Log (.h5) to write; none by default.")
     ] = None,
     trace: TraceFolder = None,
+    publish: Publish = None,
     page: Annotated[bool, typer.Option("--page", help="Show the values on a page in the browser, too.")] = False,
     port: Annotated[
         int | None,
@@ -67,11 +68,16 @@ def main(
         check_output(log_file, LOG)
     config, extremes = load_rig(rig), Extremes()
     try:
-        with notes_waiting_guardians(), Rig(config, trace_folder=trace) as open_rig:
+        with (
+            notes_waiting_guardians(),
+            publishing(publish, config, "watch", output) as stream,
+            Rig(config, trace_folder=trace) as open_rig,
+        ):
+            stream.begin(open_rig)
             _check_end(open_rig, length_s)
             _print_latched(open_rig, output)
             with ExitStack() as stack:
-                takers: list[Record] = [extremes.add]
+                takers: list[Record] = [extremes.add, *stream.takers]
                 if log_file is not None:
                     takers.append(stack.enter_context(record_observation(log_file, open_rig, length_s)).tick)
                     announce(output, log_file, "the observation", length_s, open_rig.clock)
@@ -81,21 +87,11 @@ def main(
                     takers.append(feed.tick)
                     ends.append(feed.off_requested)
                 takers.append(stack.enter_context(watched_values(config.name, output)))
-                observe(open_rig, length_s, _each(takers), lambda: any(is_ended() for is_ended in ends))
+                observe(open_rig, length_s, each(takers), lambda: any(is_ended() for is_ended in ends))
     finally:
         if extremes.count:
             output.table(("quantity", "last", "lowest", "highest"), extremes.rows())
             output.say(count_text(extremes.count, "measurement") + ("" if log_file is None else f"   log: {log_file}"))
-
-
-def _each(takers: list[Record]) -> Record:
-    """Return the function that passes each measurement to all `takers`."""
-
-    def record(tick: Tick) -> None:
-        for take in takers:
-            take(tick)
-
-    return record
 
 
 class _PageOptions(NamedTuple):

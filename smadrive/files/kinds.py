@@ -61,7 +61,8 @@ WIRE = _config("a wire file", "wires", "diameter_mm", "length_mm")
 PROFILE = _config("a device profile", "devices", "profile", "roles")
 SIM = _config("a simulated device", "sims", "transformation", "thermocouple")
 FAULTS = _config("a script of faults", "", "faults")
-CONFIGS = (RIG, WIRE, PROFILE, SIM, FAULTS)
+CAMPAIGN = _config("a campaign file", "campaigns", "title", "run")
+CONFIGS = (RIG, WIRE, PROFILE, SIM, FAULTS, CAMPAIGN)
 
 MODEL = FileKind(
     "a model file",

@@ -1,4 +1,4 @@
-"""The files that ship with smadrive: device profiles, wires, rigs, simulated devices."""
+"""The files that ship with smadrive: device profiles, wires, rigs, simulated devices, campaigns."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from smadrive.errors import ConfigError
-from smadrive.files.kinds import CONFIGS, PROFILE, RIG, SIM, WIRE, FileKind, check_kind
+from smadrive.files.kinds import CAMPAIGN, CONFIGS, PROFILE, RIG, SIM, WIRE, FileKind, check_kind
 from smadrive.files.spelling import nearest_name, suggested_file, suggestion
 
 _PACKAGE = Path(__file__).parents[1]
@@ -23,8 +23,8 @@ class ShippedFile(NamedTuple):
 
 
 def shipped_files() -> dict[str, list[ShippedFile]]:
-    """Return the shipped rigs, wires, device profiles and simulated wires, by the name of their folder."""
-    kinds = (RIG, WIRE, PROFILE, SIM)
+    """Return the shipped rigs, wires, device profiles, simulated wires and campaigns, by the name of their folder."""
+    kinds = (RIG, WIRE, PROFILE, SIM, CAMPAIGN)
     return {
         kind.folder: [ShippedFile(name, path, _first_sentence(path)) for name, path in _shipped(kind.folder).items()]
         for kind in kinds

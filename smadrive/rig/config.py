@@ -98,7 +98,10 @@ LOOP_PERIODS = 2.5
 
 
 class RigConfig(Section):
-    """The content of a rig file."""
+    """The content of a rig file.
+
+    off_by_mqtt    if True, a message at the topic `off` stops a command that publishes to a broker (docs/telemetry.md)
+    """
 
     name: str
     wire: str
@@ -109,6 +112,7 @@ class RigConfig(Section):
     excitation: ExcitationConfig
     feedback: FeedbackConfig = Field(default_factory=FeedbackConfig, validate_default=True)
     calibration: CalibrationConfig = CalibrationConfig()
+    off_by_mqtt: bool = False
 
     @field_validator("feedback")
     @classmethod

@@ -26,6 +26,7 @@ from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import Measurement
 from smadrive.modbus.transports.transport import Transport
+from smadrive.posix import check_posix
 from smadrive.rig.assembly import open_devices
 from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_excitation_time, check_limits, check_same_wire
@@ -35,7 +36,7 @@ from smadrive.rig.supervision import supervisor
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
 from smadrive.safety.supervisor import Supervisor
-from smadrive.wire.data_sheet import load_data_sheet
+from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
 
@@ -51,6 +52,7 @@ class Rig:
     transports      connections by device name, used instead of the addresses in the rig file
     clock           clock of the loops; None: the clock of the connection (real time on a port, virtual time on sim://)
     trace_folder    folder for traces of the traffic, one file for each connection (see TraceFile); None traces nothing
+    data_sheet      data sheet of the wire, used instead of the wire file that the rig file names
 
     ConfigError when the devices contradict each other (see plan.py), or a limit is implausible for the wire.
     """
@@ -61,10 +63,11 @@ class Rig:
         clock: Clock | None = None,
         transports: Mapping[str, Transport] | None = None,
         trace_folder: Path | None = None,
+        data_sheet: WireDataSheet | None = None,
     ) -> None:
         self.config = config
         self._where = f"rig '{config.name}'"
-        self.data_sheet = load_data_sheet(config.wire)
+        self.data_sheet = data_sheet or load_data_sheet(config.wire)
         check_limits(config, self.data_sheet)
         check_excitation_time(config, self.data_sheet)
         self.nominal_balance = self.data_sheet.heat_balance()
@@ -75,7 +78,11 @@ class Rig:
         self._trace_folder = trace_folder
 
     def __enter__(self) -> Self:
-        """Open the ports, check the identity of every device in use, and enter the safe state."""
+        """Open the ports, check the identity of every device in use, and enter the safe state.
+
+        ConfigError on a system that is not POSIX.
+        """
+        check_posix()
         with ExitStack() as stack:
             self.stop = stack.enter_context(StopListener(self._where))
             opened = open_devices(self._plan, stack, self.stop, self._clock, self._transports, self._trace_folder)

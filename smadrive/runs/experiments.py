@@ -13,7 +13,7 @@ from pathlib import Path
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.controllers.temperature import Command, Controller
 from smadrive.control.feedforward.displacement import HysteresisInverse
-from smadrive.control.loop import LoopMetrics, StopRequested, Tick
+from smadrive.control.loop import LoopMetrics, StopRequested, Tick, never
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
 from smadrive.errors import ProtocolError, TransportError
@@ -144,9 +144,18 @@ def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> Loop
 
 
 def drive(
-    log_file: Path, rig: Rig, controller: Controller, name: str, identified: IdentifiedWire, watch: Watch
+    log_file: Path,
+    rig: Rig,
+    controller: Controller,
+    name: str,
+    identified: IdentifiedWire,
+    watch: Watch,
+    stop_requested: StopRequested = never,
 ) -> LoopMetrics:
-    """Run the user's controller on the identified wire and record it in `log_file`. TripError after a trip."""
+    """Run the user's controller on the identified wire and record it in `log_file`. TripError after a trip.
+
+    The run also ends when `stop_requested` returns True.
+    """
     balance = identified.heat_balance or rig.nominal_balance
     wire, wire_file = IdentifiedWire(identified.model, balance), wire_file_of(identified)
     notes = {} if wire_file is None else {WIRE_FILE: str(wire_file)}
@@ -154,7 +163,9 @@ def drive(
         record_controller(log_file, rig, wire, name, controller.duration_s, **notes) as recorder,
         watch(recorder, controller.duration_s) as record,
     ):
-        return rig.drive(controller, balance, record, identified.model, expected=expected_of(identified))
+        return rig.drive(
+            controller, balance, record, identified.model, stop_requested, expected=expected_of(identified)
+        )
 
 
 def read_reference(text: str) -> Reference:

@@ -20,6 +20,7 @@ from smadrive.runs.cycling.cycles import Cycling
 from smadrive.runs.experiments import read_reference
 from smadrive.runs.tracking_plan import RETURN_S
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
+from smadrive.wire.wire_model import travel_mm
 
 PathText = str | os.PathLike[str]
 ReferenceLike = Reference | PathText
@@ -73,7 +74,7 @@ def cycling_of_argument(reference: Reference, repeat: int | None) -> Cycling | N
     return Cycling(cycles)
 
 
-def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run"]) -> Path:
+def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run", "servo"]) -> Path:
     """Return the path of a new log. Without `log` this is KIND.h5 or, if it exists, KIND-2.h5 and so on."""
     if log is None:
         return unused_record(kind, LOG)
@@ -87,3 +88,22 @@ def path_text(value: object, name: str, wanted: str) -> PathText:
     if isinstance(value, str | os.PathLike):
         return value
     raise ConfigError("of the wrong type", where=name, value=type(value).__qualname__, cure=f"pass {wanted}")
+
+
+def travel_limits_mm(wire: IdentifiedWire) -> tuple[float, float]:
+    """Return the smallest and the greatest displacement that the wire can reach, in mm."""
+    ends_mm = travel_mm(wire.model)
+    return min(ends_mm), max(ends_mm)
+
+
+def check_displacement_within(displacement_mm: float, limits_mm: tuple[float, float]) -> None:
+    """Raise ConfigError for a displacement outside the limits, and for NaN."""
+    low_mm, high_mm = limits_mm
+    if not low_mm <= displacement_mm <= high_mm:
+        raise ConfigError(
+            "outside the travel of the identified wire",
+            where="displacement_mm",
+            value=f"{displacement_mm:.6g} mm",
+            limit=f"{low_mm:.6g} to {high_mm:.6g} mm",
+            cure="choose a displacement within this travel",
+        )

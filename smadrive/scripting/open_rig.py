@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import os
-import sys
-import weakref
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
-from smadrive.display.ascii_text import ascii_text
-from smadrive.display.card import card
-from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
 from smadrive.rig.config import RigConfig
 from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.tracking_plan import check_reach
-from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
 from smadrive.scripting.arguments import (
     PathText,
     ReferenceLike,
@@ -31,27 +24,25 @@ from smadrive.scripting.arguments import (
     step_of_arguments,
     wire_of_argument,
 )
-from smadrive.scripting.loop.loop_client import LoopClient
 from smadrive.scripting.loop.messages import (
     ClearFaultsRequest,
-    CloseRequest,
     CoolDownRequest,
     DrivenRun,
     DriveRequest,
     ExciteRequest,
     HeatRequest,
     MeasureRequest,
-    OpenedRig,
-    OpenRequest,
     SwitchOffRequest,
     TrackRequest,
 )
 from smadrive.scripting.loop.own_controller import check_controller
 from smadrive.scripting.progress import shown_progress
+from smadrive.scripting.rig_connection import RigConnection
 from smadrive.scripting.run import Run
+from smadrive.scripting.servo import Servo
 
 
-class OpenRig:
+class OpenRig(RigConnection):
     """The connected devices of a rig. The end of this context manager switches the heater off, confirmed by read-back.
 
         with smadrive.open_rig("in-process") as rig:
@@ -61,48 +52,6 @@ class OpenRig:
     separate process, so a busy script delays no tick. Ctrl-C, the interruption of a kernel and every end of the script
     end a run at zero current. Errors of the loop process are raised here.
     """
-
-    def __init__(self, config: RigConfig) -> None:
-        self.config = config
-        self._client = LoopClient()
-        self._finalizer = weakref.finalize(self, self._client.end)
-        try:
-            opened: OpenedRig = self._client.call(OpenRequest(config, tuple(sys.path)))
-        except BaseException:
-            self._finalizer()
-            raise
-        self._identities, self.is_virtual = opened
-
-    def __enter__(self) -> Self:
-        """Return the open rig."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the rig. An error in the `with` block is raised again, and a failure to close becomes its note."""
-        if error is None:
-            self.close()
-            return
-        try:
-            self.close()
-        except Exception as lost:  # noqa: BLE001 (the outcome becomes a note of the error that is raised)
-            carry(error, shutdown_of(lost) or ShutdownOutcome(lost))
-
-    @property
-    def is_open(self) -> bool:
-        """True until `close` is called."""
-        return self._finalizer.alive
-
-    def close(self) -> None:
-        """Switch off and end the loop process. Raises an error if that is unconfirmed, or after `smadrive off`."""
-        if not self.is_open:
-            return
-        try:
-            if not self._client.is_end_raised:
-                self._client.call(CloseRequest())
-        finally:
-            self._finalizer()
 
     def measure(self) -> Measurement:
         """Return one measurement at zero current."""
@@ -200,7 +149,7 @@ class OpenRig:
         return measurement
 
     def _run(self, title: str, request: Any, path: Path) -> Run:
-        self._check_open()
+        self._check_free()
         warnings: list[str] = []
         try:
             with health_recorded(path, warnings.extend), shown_progress(f"{title}, {path.name}") as show:
@@ -211,31 +160,18 @@ class OpenRig:
             raise
         return Run(read_log(path), driven, warnings)
 
-    def _call(self, request: Any) -> Any:
-        self._check_open()
-        return self._client.call(request)
+    def servo(self, wire: WireLike, log: PathText | None = None) -> Servo:
+        """Hold the wire, and return the servo that moves it to setpoints while the loop runs. The wire is heated.
 
-    def _check_open(self) -> None:
-        if not self.is_open:
-            raise ConfigError("the rig is closed", where=f"rig '{self.config.name}'", cure="open it again")
+            with rig.servo(wire) as servo:
+                servo.move(4.0).wait()
 
-    def facts(self) -> list[tuple[str, str]]:
-        """Return the main facts: names and values with units."""
-        limits = self.config.limits
-        return [
-            *((f"device {name}", identity) for name, identity in self._identities.items()),
-            ("wire", Path(self.config.wire).name.removesuffix(".toml")),
-            ("rate", f"{self.config.rate_hz:g} Hz{' in virtual time' if self.is_virtual else ''}"),
-            ("limits", f"{limits.current_max_a:g} A, {limits.temperature_max_c:g} °C"),
-            ("state", (self._client.ending or "open, heater off") if self.is_open else "closed"),
-        ]
-
-    def __repr__(self) -> str:
-        facts = ", ".join(f"{name} {value}" for name, value in self.facts())
-        return ascii_text(f"OpenRig({self.config.name}, {facts})")
-
-    def _repr_html_(self) -> str:
-        return card(f"Rig: {self.config.name}", self.facts())
+        Until the servo is stopped, no other method drives the rig. In virtual time the wire stands still between two
+        motions.
+        """
+        self._check_free()
+        self._servo = Servo(self._client, wire_of_argument(wire), new_log(log, "servo"))
+        return self._servo
 
 
 def open_rig(rig: RigConfig | PathText) -> OpenRig:

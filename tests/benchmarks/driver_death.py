@@ -1,12 +1,14 @@
 """The time to zero current after the driver dies while heating, in real time, on a board and on a supply.
 
-    python tests/benchmarks/driver_death.py [--trials 200] [--rig board|supply|gateway] [--fate off] [--at-once 4]
+    python tests/benchmarks/driver_death.py [--trials 200] [--rig board|emulated|supply|gateway] [--fate off]
 
 Every trial starts a bench and a driver as processes of their own. The driver heats, and fails at a random moment in one
 of several ways ("fate"). The time ends when the bench logs that the output is off. The table has, for each fate, the
 median and worst time, and the number of trials that left the wire heating. The goals are 1 s with the board's watchdog
 and 2 s with the guardian. Behind a pulled cable a supply can only be switched off when the cable is back, so there the
 time starts at that moment.
+
+`emulated` is the board whose firmware runs on an emulated microcontroller.
 
 `gateway` is the supply behind a network gateway. Either its connection is half-open when the driver dies, or the
 gateway forwards nothing for a while (frozen), and the time starts at the end of that. When driver and guardian are both
@@ -53,7 +55,8 @@ from smadrive.rig.rig import Rig
 PROCESSES = multiprocessing.get_context("forkserver")
 
 SUPPLY = {"supply": "riden-rd60xx", "thermometer": "autonics-tk"}
-PROFILES = {"board": {"board": "sma-reference"}, "supply": SUPPLY, "gateway": SUPPLY}
+BOARD = {"board": "sma-reference"}
+PROFILES = {"board": BOARD, "emulated": BOARD, "supply": SUPPLY, "gateway": SUPPLY}
 SIGNALS = {"killed": signal.SIGKILL, "stopped": signal.SIGSTOP, "terminated": signal.SIGTERM, "Ctrl-C": signal.SIGINT}
 BY_SCRIPT = {"cable out for 2 s": ("vanish", "for_s = 2.0", 2.0), "power cycle": ("reboot", "", 0.0)}
 BOTH_KILLED = ("driver, then guardian killed", "guardian, then driver killed")
@@ -63,6 +66,7 @@ FROZEN = "frozen for 2 s"
 FROZEN_S = 2.0
 FATES = {
     "board": (*SIGNALS, "exception", *BY_SCRIPT, *OFF),
+    "emulated": ("killed", "stopped", *BY_SCRIPT),
     "supply": (*SIGNALS, "exception", *BY_SCRIPT, *BOTH_KILLED, *OFF),
     "gateway": (*HALF_OPEN, FROZEN),
 }
@@ -74,7 +78,7 @@ START_S = 30.0
 
 SCRIPT_AT_S = 6.0
 SERVED = re.compile(r"^(?:serial|rtu\+tcp)://\S+", re.MULTILINE)
-SWITCHED = re.compile(r"(?P<on>\barmed, |output on)|heater off|output off|disarmed|power-up")
+SWITCHED = re.compile(r"(?P<on>\barmed, |output on|heater on)|heater off|output off|disarmed|power-up")
 LEFT_AFTER_S = 8.0
 
 
@@ -82,6 +86,8 @@ def sim_file(kind: str, folder: Path) -> Path:
     """Write the sim file of a bench with its ports in `folder`. Behind a gateway, the supply has a TCP port."""
     sim = folder / "sim.toml"
     text = (configs_dir() / "sims" / "flexinol-lt-0.15mm.toml").read_text()
+    if kind == "emulated":
+        text = text.replace("[board]\n", '[board]\nimplementation = "atmega328p"\n')
     for name, profile in PROFILES[kind].items():
         behind = kind == "gateway" and name == "supply"
         port = 'rtu_tcp = "127.0.0.1:0"' if behind else f'pty = "{folder}/{name}"'
@@ -93,7 +99,9 @@ def sim_file(kind: str, folder: Path) -> Path:
 def rig_file(kind: str, folder: Path, urls: list[str]) -> Path:
     """Write the rig file of the devices that are served at `urls`."""
     rig = folder / "rig.toml"
-    shipped = (configs_dir() / "rigs" / ("simulated.toml" if kind == "board" else "bench-supply.toml")).read_text()
+    shipped = (
+        configs_dir() / "rigs" / ("simulated.toml" if PROFILES[kind] is BOARD else "bench-supply.toml")
+    ).read_text()
     head, _, tail = shipped.partition("\n[[devices]]")
     for (name, profile), url in zip(PROFILES[kind].items(), urls, strict=True):
         head += f'\n[[devices]]\nname = "{name}"\nprofile = "{profile}"\nurl = "{url}"\n\n'
@@ -315,7 +323,7 @@ def main() -> None:
     arguments = parser.parse_args()
     PROCESSES.set_forkserver_preload(["firmware_sim.cli", "smadrive.rig.rig"])  # imported before the trials are forked
     seeds = range(arguments.seed, arguments.seed + arguments.trials)
-    print(f"{'rig':8}{'fate':30}{'trials':>7}{'median s':>10}{'worst s':>10}{'left heating':>14}")
+    print(f"{'rig':10}{'fate':30}{'trials':>7}{'median s':>10}{'worst s':>10}{'left heating':>14}")
     for kind in arguments.rig or PROFILES:
         for fate in FATES[kind]:
             if arguments.fate and fate not in arguments.fate:
@@ -325,7 +333,7 @@ def main() -> None:
             ended_s = [time_s for time_s in times_s if time_s is not None]
             left = len(times_s) - len(ended_s)
             median_s, worst_s = (statistics.median(ended_s), max(ended_s)) if ended_s else (float("nan"),) * 2
-            print(f"{kind:8}{fate:30}{len(times_s):7}{median_s:10.2f}{worst_s:10.2f}{left:14}", flush=True)
+            print(f"{kind:10}{fate:30}{len(times_s):7}{median_s:10.2f}{worst_s:10.2f}{left:14}", flush=True)
 
 
 if __name__ == "__main__":

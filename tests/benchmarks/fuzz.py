@@ -153,7 +153,7 @@ class Fuzzer:
     def _echo(self):
         """Write a sequence number and read it back among the measurements, like every tick of a control loop."""
         self._nonce += 1
-        sequence = self._nonce & 0xFFFF
+        sequence = 0x100 + self._nonce % 0xFF00
         words = self._execute(requests.exchange(32, (sequence, 0, 0), 16, 11))
         if words[0] != sequence:
             self._client.distrust()

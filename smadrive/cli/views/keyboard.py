@@ -6,11 +6,11 @@ import os
 import select
 import signal
 import sys
-import termios
-import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
+
+from smadrive.posix import termios, tty
 
 END_KEYS = b"qQ"
 

@@ -27,6 +27,7 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at
 from smadrive.devices.state.lock import NO_DESCRIPTOR, LineLock
 from smadrive.errors import SafetyError, TakenOverError
+from smadrive.posix import after_fork_in_child
 
 STARTS_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
@@ -217,7 +218,7 @@ def _close_inherited() -> None:
         client.close_inherited()
 
 
-os.register_at_fork(after_in_child=_close_inherited)
+after_fork_in_child(_close_inherited)
 
 
 def _gone() -> SafetyError:

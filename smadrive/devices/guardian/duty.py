@@ -8,7 +8,6 @@ writes a second file, which relieves the guardian: the guardian ends without usi
 
 from __future__ import annotations
 
-import fcntl
 import os
 import time
 from collections.abc import Iterator
@@ -23,6 +22,7 @@ from smadrive.devices.state.folder import state_dir, unreadable
 from smadrive.devices.state.key import DeviceKey
 from smadrive.errors import DataError
 from smadrive.files.kinds import check_regular
+from smadrive.posix import fcntl
 
 FREE_WITHIN_S = 5.0
 """Longest time in seconds until a relieved guardian has ended."""

@@ -135,9 +135,9 @@ class Profile(Section):
         """
         proofs = tuple(IdentityRegister(register=name, ranges=[span]) for name, span in variant.match.items())
         others = tuple(proof for proof in self.identify if proof.register_ not in variant.match)
-        return self.model_copy(
-            update={"registers": applied(self.registers, variant), "identify": others + proofs, "variants": ()}
-        )
+        registers, roles = applied(self.registers, variant), self.roles.without(variant.absent)
+        changes = {"registers": registers, "roles": roles, "identify": others + proofs, "variants": ()}
+        return self.model_copy(update=changes)
 
     def chosen(self, choice: str) -> Profile:
         """Return the profile of the variant `choice`, or of the model with given raw values (`model_id=60120`).

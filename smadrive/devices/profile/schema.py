@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -101,6 +102,19 @@ class Roles(Section):
     watchdog_s: str | None = None
     temperature_max: str | None = None
     current_max: str | None = None
+    estop: str | None = None
+    current_gain: str | None = None
+    current_offset: str | None = None
+    voltage_gain: str | None = None
+    voltage_offset: str | None = None
+    source_gain: str | None = None
+    source_offset: str | None = None
+    calibration_save: str | None = None
+
+    def without(self, absent: Collection[str]) -> Roles:
+        """Return the roles without those of the registers `absent`."""
+        bound = self.model_dump(exclude_none=True)
+        return Roles(**{role: name for role, name in bound.items() if name not in absent})
 
 
 class Override(Section):
@@ -116,11 +130,15 @@ class Override(Section):
 
 
 class Variant(Section):
-    """A model of the family. Raw values of registers identify it (`match`), or the user chooses it (`choice`)."""
+    """A model of the family. Raw values of registers identify it (`match`), or the user chooses it (`choice`).
+
+    `absent` names the registers of the family that this model lacks.
+    """
 
     match: dict[str, tuple[int, int]] = Field(default_factory=dict)
     choice: str | None = None
     registers: dict[str, Override]
+    absent: tuple[str, ...] = ()
     evidence: Evidence = ""
 
     @model_validator(mode="after")

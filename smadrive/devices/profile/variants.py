@@ -1,4 +1,4 @@
-"""Models of one family whose registers differ in scale, limits or address.
+"""Models of one family whose registers differ in scale, limits or address, or are absent.
 
 A channel array `tc` of count 8 is eight registers `tc_0` to `tc_7`; an override of `tc` applies to all of them.
 """
@@ -40,6 +40,9 @@ def applied(registers: Mapping[str, Register], variant: Variant) -> dict[str, Re
             except ValidationError as error:
                 complaint = error.errors()[0]["msg"].removeprefix("Value error, ")
                 raise ValueError(f"variants: registers.{target}: {complaint}") from None
+    for name in variant.absent:
+        if changed.pop(name, None) is None:
+            raise ValueError(f"variants: absent {name} is not a register; {suggestion_or_list(name, registers)}")
     return changed
 
 

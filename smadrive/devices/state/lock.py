@@ -13,7 +13,6 @@ If the folder cannot be written, there are no locks, because it must still be po
 
 from __future__ import annotations
 
-import fcntl
 import os
 import select
 import time
@@ -28,6 +27,7 @@ from smadrive.devices.state.folder import state_dir
 from smadrive.devices.state.key import DeviceKey
 from smadrive.errors import BusyError, DataError, free_the_line
 from smadrive.files.kinds import check_regular
+from smadrive.posix import after_fork_in_child, fcntl
 
 GUARDIAN_WITHIN_S = 10.0
 """Longest time in seconds for which a guardian, or `smadrive off`, holds the line while it switches off."""
@@ -97,7 +97,7 @@ def _release_inherited() -> None:
         lock.release()
 
 
-os.register_at_fork(after_in_child=_release_inherited)
+after_fork_in_child(_release_inherited)
 
 
 def lines_of(key: DeviceKey) -> tuple[str, ...]:

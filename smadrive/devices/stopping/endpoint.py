@@ -13,13 +13,11 @@ driver.
 from __future__ import annotations
 
 import os
-import pwd
 import socket
 import struct
 import sys
 from array import array
 from contextlib import suppress
-from grp import getgrgid
 from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
@@ -27,6 +25,7 @@ from urllib.parse import urlsplit
 
 from smadrive.devices.state.key import DeviceKey
 from smadrive.modbus.transports.pseudo_terminal import TERMINALS
+from smadrive.posix import grp, pwd
 
 IS_POSSIBLE = sys.platform == "linux"
 """True on Linux, the only system that has such addresses."""
@@ -166,5 +165,5 @@ def _user_name(user_id: int) -> str:
 
 def _group_name(group_id: int) -> str:
     with suppress(KeyError):
-        return getgrgid(group_id).gr_name
+        return grp.getgrgid(group_id).gr_name
     return str(group_id)

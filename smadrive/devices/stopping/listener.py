@@ -9,7 +9,6 @@ Only the first request interrupts, so later requests cannot disturb the switchin
 
 from __future__ import annotations
 
-import os
 import selectors
 import signal
 import socket
@@ -22,6 +21,7 @@ from weakref import WeakSet
 
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, alternative_names, peer_of
 from smadrive.errors import STOPPED, BusyError, StoppedError, free_the_line
+from smadrive.posix import after_fork_in_child
 
 BACKLOG = 16
 MOST_ASKERS = 64
@@ -38,6 +38,7 @@ class StopListener:
 
     def __init__(self, where: str) -> None:
         self._where = where
+        self._requester = "`smadrive off`"
         self._requested = self._is_closing = False
         self._mutex = threading.Lock()
         self._selector = selectors.DefaultSelector()
@@ -53,6 +54,11 @@ class StopListener:
         """True if a process has asked this driver to stop."""
         return self._requested
 
+    @property
+    def requested_by(self) -> str:
+        """The program that has asked this driver to stop, as text; empty without a request."""
+        return self._requester if self._requested else ""
+
     def listen(self, line: str, names: Iterable[str]) -> None:
         """Listen at the address of each name of `line`. BusyError when another driver listens there."""
         if not IS_POSSIBLE:
@@ -66,6 +72,14 @@ class StopListener:
             self._selector.register(self._wakers[1], selectors.EVENT_READ)
             self._thread = threading.Thread(target=self._serve, name="emergency stop", daemon=True)
             self._thread.start()
+
+    def request(self, by: str) -> None:
+        """Stop this driver, as a request of another process does. The message of StoppedError names `by`.
+
+        Any thread may call this method.
+        """
+        self._requester = by
+        self._interrupt()
 
     def check(self) -> None:
         """Raise StoppedError if a process has asked this driver to stop."""
@@ -100,7 +114,7 @@ class StopListener:
             one.close()
 
     def _stopped(self) -> StoppedError:
-        return StoppedError(f"{self._where}: {STOPPED}")
+        return StoppedError(f"{self._where}: {STOPPED} {self._requester}")
 
     def _close(self) -> None:
         with self._mutex:
@@ -159,7 +173,7 @@ def _close_inherited() -> None:
         listener.close_inherited()
 
 
-os.register_at_fork(after_in_child=_close_inherited)
+after_fork_in_child(_close_inherited)
 
 
 def _shut(one: socket.socket) -> None:

@@ -21,6 +21,7 @@ from smadrive.clock import MonotonicClock
 from smadrive.errors import TransportError
 from smadrive.modbus.framing.framing import Framing
 from smadrive.modbus.transports.transport import PortAccess
+from smadrive.posix import after_fork_in_child
 
 _CHUNK = 512
 _GONE = -1
@@ -179,4 +180,4 @@ def _close_inherited() -> None:
         transport.close_inherited()
 
 
-os.register_at_fork(after_in_child=_close_inherited)
+after_fork_in_child(_close_inherited)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import errno
-import fcntl
-import grp
 import os
-import termios
 from contextlib import suppress
 from pathlib import Path
 
@@ -18,6 +15,7 @@ from smadrive.modbus.framing.framing import RtuFraming
 from smadrive.modbus.transports.descriptor import DescriptorTransport
 from smadrive.modbus.transports.pseudo_terminal import TERMINALS, PseudoTerminal
 from smadrive.modbus.transports.transport import SerialSettings
+from smadrive.posix import fcntl, grp, termios
 
 
 class SerialTransport(DescriptorTransport):

@@ -21,12 +21,23 @@ from multiprocessing import Pipe
 from typing import Any
 from weakref import WeakSet
 
-from smadrive.errors import STOPPED, BusyError, LoopProcessError, StoppedError
+from smadrive.errors import BusyError, LoopProcessError, StoppedError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
+from smadrive.posix import check_posix
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.scripting.loop.counted_interrupts import CountedInterrupts
-from smadrive.scripting.loop.messages import END, INTERRUPT, NUMBER_BYTES, REQUEST, Failure, Result, RunProgress
+from smadrive.scripting.loop.messages import (
+    COMMAND,
+    END,
+    INTERRUPT,
+    NUMBER_BYTES,
+    REQUEST,
+    Failure,
+    Result,
+    RunProgress,
+)
+from smadrive.scripting.loop.servo_messages import ServoCommand, ServoReport
 from smadrive.scripting.loop.transfer import pickled
 
 MODULE = "smadrive.scripting.loop.loop_process"
@@ -66,10 +77,12 @@ class RemoteTracebackError(Exception):
 class LoopClient:
     """Starts a loop process. `call` sends a request to this process, and `end` ends it.
 
-    `is_end_raised` is True after `call` has raised the error that the process died or was stopped.
+    `is_end_raised` is True after `call` has raised the error that the process died or was stopped. `on_report` is
+    called in another thread with each report of a servo.
     """
 
     def __init__(self) -> None:
+        check_posix()
         self._connection, theirs = Pipe()
         self._script = os.getpid()
         self._number = 0
@@ -80,6 +93,7 @@ class LoopClient:
         self._is_lost = False
         self._stop: StoppedError | None = None
         self.is_end_raised = False
+        self.on_report: Callable[[ServoReport], None] | None = None
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", MODULE, str(theirs.fileno())],
             stdin=subprocess.DEVNULL,
@@ -106,7 +120,7 @@ class LoopClient:
         """The end of the loop process as text, and its cure; empty while the process runs."""
         if not self._is_lost:
             return ""
-        return f"{'loop process ended' if self._stop is None else STOPPED}, open the rig again"
+        return f"{'loop process ended' if self._stop is None else self._stop}, open the rig again"
 
     def call(self, request: Any, show: Show = show_nothing) -> Any:
         """Send a request. Return its result or raise its error. `show` gets the progress of a run.
@@ -128,6 +142,10 @@ class LoopClient:
             self.is_end_raised = isinstance(reply.error, StoppedError)
             raise _explained(reply.error) from (RemoteTracebackError(reply.traceback) if reply.traceback else None)
         return reply.value
+
+    def command(self, servo_id: str, command: ServoCommand) -> None:
+        """Send a command to the servo whose request is being carried out, or will be."""
+        self._send(COMMAND + pickle.dumps((servo_id, command)))
 
     def end(self) -> None:
         """Ask the process to switch the heater off and to end. If it has not ended after `ENDS_WITHIN_S`, kill it."""
@@ -170,7 +188,7 @@ class LoopClient:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(ENDS_WITHIN_S)
         if self._stop is not None:
-            return _explained(self._stop)
+            return self._stop
         if self._process.returncode == 0:
             what, cure = "it has ended, because a signal or an error stopped it", "open the rig again"
             return LoopProcessError(what, where="process of the loop", cure=cure)
@@ -191,6 +209,9 @@ class LoopClient:
                 number, message = pickle.loads(self._connection.recv_bytes())  # noqa: S301 (of the same user)
                 if isinstance(message, RunProgress):
                     self._progress = message
+                elif isinstance(message, ServoReport):
+                    if self.on_report is not None:
+                        self.on_report(message)
                 else:
                     if isinstance(message, Failure) and isinstance(message.error, StoppedError):
                         self._stop = message.error
@@ -206,15 +227,12 @@ class LoopClient:
 def _explained(error: BaseException) -> BaseException:
     """Return the error to raise in the script.
 
-    The message of a KeyboardInterrupt or of a StoppedError tells that the heater is off. The message of a BusyError
-    tells that this script uses the line.
+    The message of a KeyboardInterrupt tells that the heater is off. The message of a BusyError tells that this script
+    uses the line.
     """
     outcome = shutdown_of(error)
-    if outcome is not None and outcome.confirmed:
-        if isinstance(error, KeyboardInterrupt):
-            error.args = (str(outcome),)
-        if isinstance(error, StoppedError):
-            error.args = (f"{STOPPED}; {outcome}",)
+    if isinstance(error, KeyboardInterrupt) and outcome is not None and outcome.confirmed:
+        error.args = (str(outcome),)
     if isinstance(error, BusyError) and error.holder_pid in {client.pid for client in _running if not client.is_lost}:
         cure = "use the rig that is open, or close it first: call its close(), or open it in a `with` block"
         return BusyError("busy, because this script has a rig open on this line", where=error.where, cure=cure)

@@ -20,6 +20,7 @@ from smadrive.rig.supervision import stale_after_s
 from smadrive.runs.experiments import drive, excite, heat, plan_excitation, track
 from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.scripting.loop.code_origin import dumps
+from smadrive.scripting.loop.loop_servo import NAME, LoopServo
 from smadrive.scripting.loop.messages import (
     AnyScriptRequest,
     ClearFaultsRequest,
@@ -32,6 +33,7 @@ from smadrive.scripting.loop.messages import (
     MeasureRequest,
     OpenedRig,
     OpenRequest,
+    ServoRequest,
     SwitchOffRequest,
     TrackRequest,
 )
@@ -46,7 +48,9 @@ def serve(link: ScriptLink) -> None:
         sys.path[:] = opening.module_path
         with Rig(opening.config) as rig:
             link.stop_requested = lambda: rig.stop.requested
-            link.reply(OpenedRig({name: str(one) for name, one in rig.identities.items()}, _is_virtual(rig)))
+            identities = {name: str(one) for name, one in rig.identities.items()}
+            quantities = tuple(quantity for quantity in ("temperature", "displacement") if rig.measures(quantity))
+            link.reply(OpenedRig(identities, _is_virtual(rig), quantities))
             if isinstance(rig.clock, MonotonicClock):
                 use_real_time_scheduling()
             while not _is_last(link, rig):
@@ -102,6 +106,10 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
             return _counts(track(log_file, rig, plan, link.watch))
         case DriveRequest():
             return _driven(request, rig, link)
+        case ServoRequest(servo_id=servo_id, log_file=log_file, wire=wire):
+            servo = LoopServo(rig, wire, servo_id, link, is_virtual=_is_virtual(rig))
+            watch = servo.watched(link.watch)
+            return _counts(drive(log_file, rig, servo, NAME, wire, watch, servo.stop_requested))
         case CoolDownRequest(duration_s=duration_s):
             with nullcontext() if _is_virtual(rig) else link.at_once():
                 return rig.cool_down(duration_s)

@@ -18,8 +18,11 @@ from smadrive.runs.cycling.cycles import Cycling
 from smadrive.runs.log.reader import RunEvent
 from smadrive.wire.identified_wire import IdentifiedWire
 
-REQUEST, INTERRUPT, END = b"R", b"I", b"E"
-"""The first byte of a message to the loop process: carry out a request, interrupt a request, end the process."""
+REQUEST, INTERRUPT, END, COMMAND = b"R", b"I", b"E", b"C"
+"""The first byte of a message to the loop process: carry out a request, interrupt a request, end the process.
+
+COMMAND is for a servo, whose request is still being carried out.
+"""
 
 NUMBER_BYTES = 8
 """The number of the request follows the first byte, in this many bytes."""
@@ -75,6 +78,15 @@ class DriveRequest:
 
 
 @dataclass(frozen=True)
+class ServoRequest:
+    """Hold the wire, and carry out the commands for the servo `servo_id`, until a StopCommand."""
+
+    servo_id: str
+    log_file: Path
+    wire: IdentifiedWire
+
+
+@dataclass(frozen=True)
 class CoolDownRequest:
     """Let the wire cool with the heater off."""
 
@@ -102,6 +114,7 @@ AnyScriptRequest = (
     | HeatRequest
     | TrackRequest
     | DriveRequest
+    | ServoRequest
     | CoolDownRequest
     | SwitchOffRequest
     | ClearFaultsRequest
@@ -110,10 +123,11 @@ AnyScriptRequest = (
 
 
 class OpenedRig(NamedTuple):
-    """The result of an OpenRequest: the devices as text by their names, and whether time is virtual."""
+    """The result of an OpenRequest: the devices as text by their names, whether time is virtual, what is measured."""
 
     identities: dict[str, str]
     is_virtual: bool
+    quantities: tuple[str, ...]
 
 
 class DrivenRun(NamedTuple):

@@ -17,7 +17,7 @@ import threading
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from math import inf
 from multiprocessing.connection import Connection
 from types import FrameType
@@ -30,6 +30,7 @@ from smadrive.runs.run_log import TickRecorder
 from smadrive.safety.shutdown import carry, keep_outcome, shutdown_of
 from smadrive.scripting.loop.code_origin import dumps
 from smadrive.scripting.loop.messages import (
+    COMMAND,
     END,
     INTERRUPT,
     NUMBER_BYTES,
@@ -38,6 +39,7 @@ from smadrive.scripting.loop.messages import (
     RunProgress,
     ScriptEndedError,
 )
+from smadrive.scripting.loop.servo_messages import ServoCommand, ServoReport
 
 LOOK_S = 0.5
 """Interval in s of the check that the script still runs, because a child of the script may keep the socket open."""
@@ -52,6 +54,7 @@ class ScriptLink:
         self._connection: Connection[Any, Any] = Connection(descriptor)
         self._script = os.getppid()
         self._requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._commands: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._number = 0
         self._is_interruptible = self._is_ending = False
         self._acts_at_once = True
@@ -112,6 +115,29 @@ class ScriptLink:
 
         yield record
 
+    def next_command(self, servo_id: str, *, waits: bool) -> ServoCommand | None:
+        """Return the next command for the servo `servo_id`. If there is none, wait for it, or return None.
+
+        Commands for an earlier servo are dropped. A signal ends the waiting.
+        """
+        while True:
+            try:
+                with self.at_once() if waits else nullcontext():
+                    message = self._commands.get(block=waits)
+            except queue.Empty:
+                return None
+            addressee, command = pickle.loads(message)  # noqa: S301 (of the same user)
+            if addressee == servo_id:
+                found: ServoCommand = command
+                return found
+
+    def report(self, report: ServoReport, *, waits: bool) -> bool:
+        """Send a report of the servo, and return True. If the script does not read, wait or return False."""
+        if not waits and not self._is_writable():
+            return False
+        self._send(pickle.dumps((self._number, report)))
+        return True
+
     def finish(self) -> None:
         """Ignore signals from now on: the rig is closed, and only the last reply must still be sent."""
         self._is_ending = True
@@ -127,12 +153,17 @@ class ScriptLink:
         )
         text = "" if is_plain else "".join(traceback.format_exception(error))
         keep_outcome(error)
+        if isinstance(error, StoppedError) and (outcome := shutdown_of(error)) is not None and outcome.confirmed:
+            error.args = (f"{error}; {outcome}",)
         self._send(_dumped(self._number, error, text))
 
     def _report(self, progress: RunProgress) -> None:
         """Send the progress, unless the script does not read: the loop never waits for the script."""
-        if select.select((), (self._connection,), (), 0)[1]:
+        if self._is_writable():
             self._send(pickle.dumps((self._number, progress)))
+
+    def _is_writable(self) -> bool:
+        return bool(select.select((), (self._connection,), (), 0)[1])
 
     def _send(self, message: bytes) -> None:
         with suppress(OSError):  # the script has gone: the listening thread ends this process
@@ -143,6 +174,8 @@ class ScriptLink:
             if message.startswith(INTERRUPT):
                 if int.from_bytes(message[1:]) == self._number:
                     signal.pthread_kill(self._loop_thread, signal.SIGINT)
+            elif message.startswith(COMMAND):
+                self._commands.put(message[1:])
             elif message:
                 self._requests.put(message)
         signal.pthread_kill(self._loop_thread, signal.SIGTERM)

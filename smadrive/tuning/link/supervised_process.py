@@ -23,6 +23,7 @@ from typing import Any, Self
 
 from smadrive.errors import ConfigError
 from smadrive.numerics.blas_threads import ONE_THREAD
+from smadrive.posix import check_posix
 
 LOOK_S = 0.1
 """Period at which the thread checks that the child still runs."""
@@ -44,6 +45,7 @@ class SupervisedProcess:
     """
 
     def __init__(self, module: str, parameters: dict[str, Any], fds: tuple[int, ...], *, niceness: int = 0) -> None:
+        check_posix()
         self._module = module
         self._niceness = niceness
         self._parameters = parameters

@@ -8,14 +8,12 @@ references.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import isfinite
 
+from smadrive.control.references.holding import constant_reference
 from smadrive.control.references.limits import check_length
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
 from smadrive.errors import ConfigError, DataError
-from smadrive.measurement import Measurement
-from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.wire_model import travel_mm
 
@@ -57,23 +55,7 @@ class ReferenceCatalogue:
         name nor a one-line form, or when the reference leaves the travel of the wire.
         """
         if name is None:
-            return _staying(from_mm)
+            return constant_reference(from_mm)
         reference = self._references.get(name) or parse_reference(name, LONGEST_S)
         reference.check_within(travel_mm(tuning.model))
         return reference.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
-
-    def hold(self, tuning: Tuning, measurement: Measurement) -> Reference:
-        """Return a constant reference at the measured displacement; without a sensor, at the displacement of the model.
-
-        The displacement is limited to the range of the model at this temperature, so that a sensor with a wrong zero
-        does not make the controller heat a cold wire.
-        """
-        model, temperature_c = tuning.model, measurement.temperature_c
-        displacement_mm = measurement.displacement_mm
-        if not isfinite(displacement_mm):
-            displacement_mm = model.initial_state(temperature_c).y
-        return _staying(DisplacementBand(model).nearest_mm(temperature_c, displacement_mm))
-
-
-def _staying(at_mm: float) -> Reference:
-    return Reference.from_samples([0.0, 1.0], [at_mm, at_mm])

@@ -12,8 +12,10 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from math import isfinite
 
+from smadrive.control.controllers.swappable import SwappableController
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.loop import Tick
+from smadrive.control.references.holding import holding_reference
 from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError, SmadriveError
 from smadrive.measurement import Measurement
@@ -29,7 +31,6 @@ from smadrive.tuning.link.samples import row_of
 from smadrive.tuning.session.adaptation_runner import AdaptationRunner
 from smadrive.tuning.session.arming import Arming
 from smadrive.tuning.session.changes.change_queue import ChangeQueue
-from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.idle import Idle
 from smadrive.tuning.session.modes import Mode
@@ -158,7 +159,7 @@ class TuningSession:
         """Return a controller that holds the wire at its displacement. SafetyError when the temperature is unknown."""
         check_thermocouple(measurement)
         tuning = self.tunings.in_force
-        reference = self._references.hold(tuning, measurement)
+        reference = holding_reference(tuning.model, measurement)
         controller = tuned_controller(tuning, reference, self._rig.config, self._balance)
         return SwappableController(controller, reference, self._serve)
 

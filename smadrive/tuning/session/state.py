@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from smadrive.control.controllers.swappable import SwappableController
 from smadrive.rig.rig import Rig
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.link.requests import Arm, PageRequest
-from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.modes import Mode
 from smadrive.tuning.session.status import Status

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from math import isfinite
 from typing import Any
 
+from smadrive.control.controllers.swappable import SwappableController
 from smadrive.errors import TripError
 from smadrive.hysteresis.turning_points import Memory
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.tuning.session.changes.comparison import Comparison
-from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.modes import Mode
 from smadrive.tuning.session.session_log import SessionLog
@@ -58,6 +59,7 @@ class Status:
             "rig": config.name,
             "devices": {name: str(identity) for name, identity in rig.identities.items()},
             "rate_hz": config.rate_hz,
+            "began_unix_s": time.time(),
             "limits": {
                 "current_max_a": config.limits.current_max_a,
                 "temperature_max_c": config.limits.temperature_max_c,

@@ -11,7 +11,7 @@ import pytest
 
 from smadrive.devices.state.lock import Role, lock_line
 from smadrive.modbus.transports.connect import port_of
-from smadrive.rig.discovery import port_url
+from smadrive.rig.ports.discovery import port_url
 
 
 @contextlib.contextmanager

@@ -5,12 +5,19 @@ from pathlib import Path
 import pytest
 
 from firmware_sim.config import load_sim
+from smadrive.campaigns.plan.config import load_campaign
 from smadrive.devices.profile.profile import load_profile
 from smadrive.rig.config import load_rig
 from smadrive.wire.data_sheet import load_data_sheet
 
 CONFIGS = Path(__file__).parents[3] / "configs"
-LOADERS = {"devices": load_profile, "wires": load_data_sheet, "rigs": load_rig, "sims": load_sim}
+LOADERS = {
+    "devices": load_profile,
+    "wires": load_data_sheet,
+    "rigs": load_rig,
+    "sims": load_sim,
+    "campaigns": load_campaign,
+}
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.*")), ids=lambda path: str(path.relative_to(CONFIGS)))

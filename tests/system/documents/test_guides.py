@@ -22,7 +22,7 @@ GUIDES = sorted((ROOT / "docs").glob("*.md"))
 BLOCK = re.compile(r"```(\w+)(?: (\S+))?\n(.*?)```", re.DOTALL)
 """Pattern of a block of code: its language, the name of the file that the reader writes (optional), its content."""
 
-WALKS = (("first-wire", "records", "tuning"), ("bench-supply",))
+WALKS = (("first-wire", "records", "tuning"), ("bench-supply",), ("campaigns",))
 """Guides that a reader follows one after the other in one folder."""
 
 PROMISED = {
@@ -30,6 +30,7 @@ PROMISED = {
     "records": ("run.html", "run.csv", "other.json", "run-columns.csv"),
     "tuning": ("tuned-rig.toml",),
     "bench-supply": ("bench.h5", "bench.json", "bench-run.html"),
+    "campaigns": ("noise/results.parquet", "noise/report.html"),
 }
 """The files that exist at the end of each guide."""
 

@@ -51,7 +51,7 @@ def test_a_dead_connection_costs_one_deadline(board):
         gateway.strand()
         with pytest.raises(DeadlineError):
             client.execute(1, requests.read_holding(0, 2), TIMING)
-        assert requests.registers_of(client.execute(1, requests.read_holding(0, 2), TIMING)) == (0x534D, 1)
+        assert requests.registers_of(client.execute(1, requests.read_holding(0, 2), TIMING)) == (0x534D, 2)
         assert client.counters.reopenings == 1
 
 

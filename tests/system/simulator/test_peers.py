@@ -57,13 +57,13 @@ def test_libmodbus_reads_and_writes_the_simulator(simulator):
     def client(*command):
         return [int(word) for word in libmodbus.client(*simulator, 1, *command)]
 
-    assert client("read", 0, 2) == [0x534D, 1]
+    assert client("read", 0, 2) == [0x534D, 2]
     client("write", FIRST, *WORDS)
     assert read_by_the_driver(*simulator) == WORDS
     client("write", FIRST, 800)
     assert client("read", FIRST, 3) == [800, *WORDS[1:]]
-    echo, state = client("exchange", 32, 77, 0, 0, "/", 16, 2)
-    assert (echo, state) == (77, 0)
+    echo, state = client("exchange", 32, 777, 0, 0, "/", 16, 2)
+    assert (echo, state) == (777, 0)
 
 
 @needs_libmodbus
@@ -95,7 +95,7 @@ def test_pymodbus_reads_and_writes_the_simulator(simulator):
         ModbusSerialClient(where, baudrate=115200) if kind == "rtu" else ModbusTcpClient("127.0.0.1", port=int(where))
     )
     with client:
-        assert client.read_holding_registers(0, count=2, device_id=1).registers == [0x534D, 1]
+        assert client.read_holding_registers(0, count=2, device_id=1).registers == [0x534D, 2]
         client.write_registers(FIRST, list(WORDS), device_id=1)
         assert client.read_holding_registers(FIRST, count=3, device_id=1).registers == list(WORDS)
         client.write_register(FIRST, 800, device_id=1)
@@ -114,7 +114,7 @@ def test_minimalmodbus_reads_and_writes_the_simulator(simulator):
     instrument.serial.baudrate = 115200
     instrument.serial.timeout = 1.0
     with instrument.serial:
-        assert instrument.read_registers(0, 2) == [0x534D, 1]
+        assert instrument.read_registers(0, 2) == [0x534D, 2]
         instrument.write_registers(FIRST, list(WORDS))
         instrument.write_register(FIRST, 800, functioncode=6)
         assert instrument.read_registers(FIRST, 3) == [800, *WORDS[1:]]

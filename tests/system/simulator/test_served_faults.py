@@ -18,7 +18,7 @@ from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import open_transport
 
 READ = requests.read_holding(0, 2)
-RIGHT = (0x534D, 1)
+RIGHT = (0x534D, 2)
 TIMING = BusTiming(1.0, read_retries=0)
 FAULTS = """
 [[faults]]

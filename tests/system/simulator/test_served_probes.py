@@ -7,7 +7,7 @@ from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.connect import open_transport
 
 READ = bytes.fromhex("03 0000 0002")
-REPLY = rtu.seal(1, bytes.fromhex("03 04 534D 0001"))
+REPLY = rtu.seal(1, bytes.fromhex("03 04 534D 0002"))
 
 
 @pytest.fixture(scope="module")

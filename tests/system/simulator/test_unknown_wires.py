@@ -1,6 +1,6 @@
 """Random wires are excited, identified and tracked by a controller that does not know their parameters.
 
-These are a few of the many of tests/benchmarks/control.py.
+These are a few of the many of tests/benchmarks/control.toml.
 """
 
 from typing import NamedTuple

@@ -13,21 +13,25 @@ from smadrive.modbus.client import ModbusClient
 
 
 def test_reading_merges_neighbours(device):
+    device.check_identity()
+    before = device.client.counters.requests
     readings = device.read(("temperature", "cold_junction", "sequence_echo", "state", "faults", "limits", "watchdog_s"))
     assert readings["watchdog_s"].value == 0.5
     assert readings["state"].words == ("idle",)
     assert readings["cold_junction"].value == pytest.approx(25.0)
-    assert device.client.counters.requests == 2
+    assert device.client.counters.requests == before + 2
 
 
 def test_reading_respects_what_the_device_can(rig, clock):
     profile = load_profile("sma-reference")
     short = profile.model_copy(update={"timing": profile.timing.model_copy(update={"max_read_registers": 4})})
     device = Device(short, ModbusClient(rig.transport(clock)))
+    device.check_identity()
+    before = device.client.counters.requests
     assert (
         device.read(("device_id", "map_version", "firmware_version", "serial_number"))["serial_number"].value > 1 << 31
     )
-    assert device.client.counters.requests == 2
+    assert device.client.counters.requests == before + 2
 
 
 def test_an_unknown_register_names_the_nearest(device):
@@ -50,8 +54,8 @@ def test_nothing_is_written_to_another_device(rig, clock):
     device = Device(profile.model_copy(update={"identify": (other,)}), ModbusClient(rig.transport(clock)))
     sequence = rig.firmware.sequence
     for write in (
-        lambda: device.write("sequence", 7),
-        lambda: device.exchange({"sequence": 7}, ("state",)),
+        lambda: device.write("sequence", 0x107),
+        lambda: device.exchange({"sequence": 0x107}, ("state",)),
         device.enter_safe_state,
         device.check_identity,
     ):
@@ -76,10 +80,12 @@ def test_lost_write_raises_a_read_back_error(device):
 
 @pytest.mark.parametrize(("name", "value"), [("watchdog_s", 0.049), ("heater_current", math.nan), ("heater_enable", 2)])
 def test_a_write_outside_the_limits_is_not_sent(device, name, value):
+    device.check_identity()
+    before = device.client.counters.requests
     with pytest.raises(ConfigError) as error:
         device.write(name, value)
     assert error.value.where == f"register '{name}'"
-    assert device.client.counters.requests == 0
+    assert device.client.counters.requests == before
 
 
 @pytest.mark.parametrize("unit_id", [0, 248, -1])
@@ -106,19 +112,19 @@ def test_an_exchange_is_one_transaction_in_any_order_of_names(device, rig):
     device.check_identity()
     before = device.client.counters.requests
     readings = device.exchange(
-        {"heater_enable": 0, "sequence": 77, "heater_current": 0.0}, ("state", "sequence_echo", "faults")
+        {"heater_enable": 0, "sequence": 1077, "heater_current": 0.0}, ("state", "sequence_echo", "faults")
     )
-    assert readings["sequence_echo"].value == 77
-    assert rig.firmware.sequence == 77
+    assert readings["sequence_echo"].value == 1077
+    assert rig.firmware.sequence == 1077
     assert device.client.counters.requests == before + 1
 
 
 def test_an_exchange_of_scattered_registers_is_refused(device):
     with pytest.raises(ConfigError) as written:
-        device.exchange({"sequence": 1, "watchdog_s": 1.0}, ("state",))
+        device.exchange({"sequence": 0x101, "watchdog_s": 1.0}, ("state",))
     assert written.value.value == "sequence, watchdog_s"
     with pytest.raises(ConfigError) as read:
-        device.exchange({"sequence": 1}, ("state", "watchdog_s"))
+        device.exchange({"sequence": 0x101}, ("state", "watchdog_s"))
     assert read.value.value == "state, watchdog_s"
 
 
@@ -129,8 +135,8 @@ def test_reads_survive_a_bad_bus_and_writes_are_not_repeated(device, rig):
     assert device.read(("watchdog_s",))["watchdog_s"].value == 0.5
     rig.faults.drop()
     with pytest.raises(DeadlineError):
-        device.exchange({"sequence": 5}, ("state",))
-    assert rig.firmware.sequence == 5  # the exchange was sent and carried out only once
+        device.exchange({"sequence": 0x105}, ("state",))
+    assert rig.firmware.sequence == 0x105  # the exchange was sent and carried out only once
     assert device.client.counters.retries > 0
 
 

@@ -61,7 +61,7 @@ def uses(device):
     yield lambda: device.read((name,))
     yield device.enter_safe_state
     if device.profile.profile.role == "heater":
-        yield lambda: device.exchange({"sequence": 7}, ("state",))
+        yield lambda: device.exchange({"sequence": 0x107}, ("state",))
 
 
 def test_nothing_is_written_to_a_twin_at_the_same_port(hub, device):

@@ -76,8 +76,8 @@ def test_random_faults_depend_on_the_seed_alone(config):
     first = random_outcomes(config, 1)
     assert first == random_outcomes(config, 1)
     assert first != random_outcomes(config, 2)
-    assert set(first) >= {"534d0001", "DeadlineError", "ProtocolError", "ExceptionReply"}
-    assert set(first) <= {"534d0001", "DeadlineError", "ProtocolError", "ExceptionReply", "TransportError"}
+    assert set(first) >= {"534d0002", "DeadlineError", "ProtocolError", "ExceptionReply"}
+    assert set(first) <= {"534d0002", "DeadlineError", "ProtocolError", "ExceptionReply", "TransportError"}
 
 
 @pytest.mark.parametrize(

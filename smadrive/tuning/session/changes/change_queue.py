@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterator
 
+from smadrive.control.controllers.swappable import SwappableController
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.identification.adaptation.adaptation import Adaptation
 from smadrive.rig.config import RigConfig
@@ -16,7 +17,6 @@ from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResul
 from smadrive.tuning.link.requests import AnyRequest, Compare, Keep
 from smadrive.tuning.session.changes.comparison_runner import ComparisonRunner
 from smadrive.tuning.session.changes.jobs import ChangeJob, Job, ReferenceLookup, job_of
-from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.tuning import Adapted
 from smadrive.wire.heat_balance import HeatBalance

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from smadrive.control.controllers.swappable import SwappableController
 from smadrive.errors import ConfigError
 from smadrive.tuning.builder.build import Built
 from smadrive.tuning.session.changes.jobs import Job, TurnJob
-from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.wire.wire_model import travel_mm
 

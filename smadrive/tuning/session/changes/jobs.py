@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import ClassVar, NamedTuple
 
+from smadrive.control.controllers.swappable import SwappableController
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.tuning.builder.build import Built
@@ -23,7 +24,6 @@ from smadrive.tuning.link.requests import (
     Step,
     Track,
 )
-from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.tuning import Change, Tuning
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from smadrive.control.controllers.swappable import SwappableController
 from smadrive.tuning.builder.build import Built
 from smadrive.tuning.session.changes.comparison import Comparison
 from smadrive.tuning.session.changes.history import History
-from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.tuning import Tuning
 
 

@@ -3,7 +3,9 @@
 import pytest
 
 from firmware_sim.bench import simulated_device
-from firmware_sim.devices.board import BoardFault, BoardLimit, BoardState
+from firmware_sim.devices.board.checks import BoardLimit
+from firmware_sim.devices.board.firmware import BoardState
+from firmware_sim.devices.board.readings import BoardFault
 from smadrive.devices.device import Device
 from smadrive.modbus.client import ModbusClient
 
@@ -15,13 +17,13 @@ def test_board_starts_idle_and_cold(simulated):
 
 
 def test_only_the_arm_key_arms(ask, simulated):
-    assert ask("10 00 20 00 03 06 00 01 0B B8 00 01") == "10 00 20 00 03"
-    assert ask("03 00 20 00 03") == "03 06 00 01 00 00 00 00"
+    assert ask("10 00 20 00 03 06 01 01 0B B8 00 01") == "10 00 20 00 03"
+    assert ask("03 00 20 00 03") == "03 06 01 01 00 00 00 00"
     assert simulated.firmware.state is BoardState.IDLE
     assert ask("06 00 28 41 52") == "06 00 28 41 52"
     assert simulated.firmware.state is BoardState.ARMED
     assert ask("06 00 28 41 52") == "86 04"
-    assert ask("10 00 20 00 03 06 00 02 0B B8 00 01") == "10 00 20 00 03"
+    assert ask("10 00 20 00 03 06 01 02 0B B8 00 01") == "10 00 20 00 03"
     assert simulated.firmware.current_a == pytest.approx(0.3)
 
 
@@ -101,6 +103,7 @@ def test_fault_with_persisting_cause_cannot_be_cleared(simulated, ask):
     assert simulated.firmware.faults == BoardFault.THERMOCOUPLE_OPEN
     assert ask("03 00 14 00 01") == "03 02 80 00"
     simulated.bench.sensors.faults.mend_thermocouple()
+    simulated.bench.advance_to(0.04)
     ask("06 00 29 43 4C")
     assert simulated.firmware.state is BoardState.IDLE
 

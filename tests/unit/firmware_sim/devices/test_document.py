@@ -11,11 +11,11 @@ DOCUMENT = (configs_dir().parent / "docs" / "sma-reference.md").read_text(encodi
 PROFILE = load_profile("sma-reference")
 DIALOGUE = re.findall(r"^\| ((?:[0-9A-F]{2} )+[0-9A-F]{2}) \| ((?:[0-9A-F]{2} ?)+) \|", DOCUMENT, re.MULTILINE)
 MAP = re.findall(r"^\| (\d+)(?:–\d+)? \| (\w+) \| (\w+) \|[^|]*\| (\w+) \|", DOCUMENT, re.MULTILINE)
-BITS = re.findall(r"^\| (\d) \| (\w+) \| ", DOCUMENT, re.MULTILINE)
+BITS = re.findall(r"^\| (\d+) \| (\w+) \| ", DOCUMENT, re.MULTILINE)
 
 
 def test_board_answers_like_the_documented_dialogue(simulated):
-    assert len(DIALOGUE) == 13
+    assert len(DIALOGUE) == 18
     for request, reply in DIALOGUE:
         ((_, answer),) = simulated.line.receive(bytes.fromhex(request), 0.0)
         assert answer.hex(" ").upper() == reply, request

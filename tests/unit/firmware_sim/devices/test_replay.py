@@ -27,7 +27,8 @@ def session(client, faults):
         faults(number)
         for act in (
             lambda number=number: board.exchange(
-                {"sequence": number, "heater_current": 0.0, "heater_enable": 0}, ("sequence_echo", "temperature")
+                {"sequence": 0x100 + number, "heater_current": 0.0, "heater_enable": 0},
+                ("sequence_echo", "temperature"),
             ),
             lambda: reader.read((reader.profile.role("temperature"),)),
             lambda: client.execute(1, requests.read_holding(5, 1), TIMING),

@@ -14,7 +14,7 @@ READ_ID = "03 00 00 00 01"
 @pytest.mark.parametrize(
     ("pdu", "answer"),
     [
-        ("03 00 00 00 02", "03 04 53 4D 00 01"),
+        ("03 00 00 00 02", "03 04 53 4D 00 02"),
         ("03 00 00 00 00", "83 03"),
         ("03 00 00 00 7E", "83 03"),
         ("03 FF FF 00 02", "83 02"),
@@ -23,7 +23,8 @@ READ_ID = "03 00 00 00 01"
         ("01 00 00 00 01", "81 01"),
         ("05 00 00 12 34", "85 01"),
         ("63 00 00", "E3 01"),
-        ("06 00 20 00 07", "06 00 20 00 07"),
+        ("06 00 20 01 07", "06 00 20 01 07"),
+        ("06 00 20 00 FF", "86 03"),
         ("06 00 21 C3 51", "86 03"),
         ("06 00 22 00 02", "86 03"),
         ("06 00 10 00 01", "86 02"),
@@ -31,17 +32,17 @@ READ_ID = "03 00 00 00 01"
         ("06 00 30 00 00", "86 03"),
         ("06 00 31 06 41", "86 03"),
         ("06 00 28 00 01", "86 03"),
-        ("10 00 20 00 02 04 00 07 00 00", "10 00 20 00 02"),
+        ("10 00 20 00 02 04 01 07 00 00", "10 00 20 00 02"),
         ("10 00 20 00 02 03 00 07 00", "90 03"),
         ("10 00 20 00 01 04 00 07 00 00", "90 03"),
         ("10 00 20 00 00 00", "90 03"),
         ("10 00 22 00 02 04 00 00 00 00", "90 02"),
-        ("16 00 20 00 F0 00 05", "16 00 20 00 F0 00 05"),
+        ("16 00 20 00 F0 01 05", "16 00 20 00 F0 01 05"),
         ("16 00 10 00 F0 00 05", "96 02"),
         ("17 00 10 00 00 00 20 00 01 02 00 07", "97 03"),
         ("17 00 10 00 01 00 20 00 00 00", "97 03"),
         ("17 00 10 00 01 00 20 00 01 04 00 07 00 00", "97 03"),
-        ("17 00 10 00 02 00 20 00 01 02 00 07", "17 04 00 07 00 00"),
+        ("17 00 10 00 02 00 20 00 01 02 01 07", "17 04 01 07 00 00"),
         ("08 00 00 A5 37", "08 00 00 A5 37"),
         ("08 00 01 A5 37", "88 01"),
     ],
@@ -58,13 +59,15 @@ def test_unknown_function_gets_an_exception(ask):
 
 
 def test_exchange_with_illegal_read_range_writes_nothing(ask):
-    assert ask("17 01 00 00 01 00 20 00 01 02 00 63") == "97 02"
-    assert ask("03 00 20 00 01") == "03 02 00 00"
+    before = ask("03 00 20 00 01")
+    assert ask("17 01 00 00 01 00 20 00 01 02 01 63") == "97 02"
+    assert ask("03 00 20 00 01") == before != "03 02 01 63"
 
 
 def test_block_write_with_one_bad_value_writes_nothing(ask):
-    assert ask("10 00 20 00 03 06 00 63 FF FF 00 00") == "90 03"
-    assert ask("03 00 20 00 01") == "03 02 00 00"
+    before = ask("03 00 20 00 01")
+    assert ask("10 00 20 00 03 06 01 63 FF FF 00 00") == "90 03"
+    assert ask("03 00 20 00 01") == before != "03 02 01 63"
 
 
 def test_other_unit_and_wrong_crc_get_no_reply(simulated, ask):
@@ -76,8 +79,8 @@ def test_other_unit_and_wrong_crc_get_no_reply(simulated, ask):
 
 
 def test_broadcast_is_carried_out_without_reply(ask):
-    assert ask("06 00 20 00 63", unit=0) is None
-    assert ask("03 00 20 00 01") == "03 02 00 63"
+    assert ask("06 00 20 01 63", unit=0) is None
+    assert ask("03 00 20 00 01") == "03 02 01 63"
 
 
 def test_request_byte_by_byte_is_answered(simulated):
@@ -89,7 +92,7 @@ def test_request_byte_by_byte_is_answered(simulated):
 
 def test_two_requests_at_once_get_two_replies(simulated):
     one, two = (rtu.seal(1, bytes.fromhex(pdu)) for pdu in (READ_ID, "03 00 01 00 01"))
-    assert [frame[3:5] for _, frame in simulated.line.receive(one + two, 0.0)] == [b"\x53\x4d", b"\x00\x01"]
+    assert [frame[3:5] for _, frame in simulated.line.receive(one + two, 0.0)] == [b"\x53\x4d", b"\x00\x02"]
 
 
 @pytest.mark.parametrize("junk", ["FF", "00 00 00", "DE AD BE EF", "7F 7F", "01 63"])

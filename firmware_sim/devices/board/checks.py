@@ -1,0 +1,66 @@
+"""The checks of a board: faults of its sensors and of the heater current, and the limits (docs/sma-reference.md).
+
+All numbers are counts of the registers: 0.01 °C, 0.1 mA, and 0.1 °C for `temperature_max`. Times are in ms.
+"""
+
+from __future__ import annotations
+
+from enum import IntFlag
+
+from firmware_sim.devices.board.readings import NO_TEMPERATURE, BoardFault, BoardReadings
+
+DERATE = 500
+DEBOUNCE_MS = 30
+COLD_JUNCTION = range(-2000, 8501)
+CURRENT_MARGIN = 500
+PER_LIMIT = 10
+"""Counts of a temperature for one count of `temperature_max`."""
+
+
+class BoardLimit(IntFlag):
+    """The bits of the register `limits`: the limits that hold the current back now."""
+
+    CURRENT_MAX = 1 << 0
+    SUPPLY = 1 << 1
+    TEMPERATURE = 1 << 2
+
+
+def sensor_faults(readings: BoardReadings, temperature_max: int) -> int:
+    """Return the faults that the readings show without a debounce."""
+    faults = readings.detected
+    if readings.temperature >= temperature_max * PER_LIMIT:
+        faults |= BoardFault.OVER_TEMPERATURE.value
+    if readings.cold_junction not in COLD_JUNCTION and readings.cold_junction != NO_TEMPERATURE:
+        faults |= BoardFault.COLD_JUNCTION_RANGE.value
+    return faults
+
+
+class CurrentCheck:
+    """Compares the measured current with the set current, debounced.
+
+    More current than set means a shorted switch, less than half the set current a broken wire.
+    """
+
+    def __init__(self) -> None:
+        self._wrong_ms = 0
+
+    def restart(self) -> None:
+        """Begin the debounce again."""
+        self._wrong_ms = 0
+
+    def faults(self, measured: int, set_current: int, elapsed_ms: int) -> int:
+        """Return the fault of the current, `elapsed_ms` after the check before."""
+        excess = 10 * measured > 11 * set_current + 10 * CURRENT_MARGIN
+        lack = set_current > CURRENT_MARGIN and 2 * measured < set_current
+        self._wrong_ms = self._wrong_ms + elapsed_ms if excess or lack else 0
+        if self._wrong_ms < DEBOUNCE_MS:
+            return 0
+        return (BoardFault.OVER_CURRENT if excess else BoardFault.HEATER_OPEN).value
+
+
+def temperature_limit(temperature: int, temperature_max: int, current_max: int) -> int | None:
+    """Return the limit of the current near `temperature_max`. None means that there is no limit yet."""
+    margin = temperature_max * PER_LIMIT - temperature
+    if temperature == NO_TEMPERATURE or margin <= 0:
+        return 0
+    return current_max * margin // DERATE if margin < DERATE else None

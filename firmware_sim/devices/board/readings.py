@@ -1,0 +1,74 @@
+"""What a board reads from its sensors, in the counts of its registers (docs/sma-reference.md).
+
+Every implementation of the board judges these counts, so all of them judge the numbers that a host reads.
+"""
+
+from __future__ import annotations
+
+from enum import IntFlag
+from math import isnan
+from typing import NamedTuple
+
+from firmware_sim.sensors.sensors import Sensors
+
+NO_TEMPERATURE = -0x8000
+AMPERE, VOLT, DEGREE, MILLIMETRE = 10_000, 1_000, 100, 10_000
+"""Counts of the registers for 1 A, 1 V, 1 °C and 1 mm."""
+COUNT_C, COUNT_A, COUNT_V = 0.01, 0.0001, 0.001
+"""One count of the registers. A reading is divided by it, as by the scale in a profile, and rounded alike."""
+
+
+class BoardFault(IntFlag):
+    """The bits of the register `faults`. Each bit is latched."""
+
+    WATCHDOG = 1 << 0
+    OVER_TEMPERATURE = 1 << 1
+    THERMOCOUPLE_OPEN = 1 << 2
+    THERMOCOUPLE_SHORT = 1 << 3
+    COLD_JUNCTION_RANGE = 1 << 4
+    OVER_CURRENT = 1 << 5
+    HEATER_OPEN = 1 << 6
+    ESTOP = 1 << 7
+    SENSOR_BUS = 1 << 8
+    ACTUATOR = 1 << 9
+    SELF_TEST = 1 << 10
+
+
+DETECTED = {
+    "open": BoardFault.THERMOCOUPLE_OPEN,
+    "short": BoardFault.THERMOCOUPLE_SHORT,
+    "pressed": BoardFault.ESTOP,
+    "silent": BoardFault.SENSOR_BUS,
+    "stuck": BoardFault.ACTUATOR,
+}
+"""The fault for each finding of the hardware."""
+
+
+class BoardReadings(NamedTuple):
+    """The readings of one check. `detected` are the faults that the hardware detects by itself."""
+
+    temperature: int
+    cold_junction: int
+    current: int
+    voltage: int
+    sample_counter: int
+    detected: int
+
+
+def board_readings(sensors: Sensors) -> BoardReadings:
+    """Return what a board reads now. A current or a voltage that is not a number is read as 0."""
+    detected = 0
+    for finding in sensors.findings:
+        detected |= DETECTED[finding].value
+    return BoardReadings(
+        NO_TEMPERATURE if sensors.unreadable else _count(sensors.temperature_c / COUNT_C, -0x7FFF, 0x7FFF),
+        _count(sensors.cold_junction_c / COUNT_C, -0x7FFF, 0x7FFF),
+        _count(sensors.current_a / COUNT_A, 0, 0xFFFF),
+        _count(sensors.voltage_v / COUNT_V, 0, 0xFFFF),
+        sensors.conversions & 0xFFFF,
+        detected,
+    )
+
+
+def _count(exact: float, lowest: int, highest: int) -> int:
+    return 0 if isnan(exact) else min(max(round(exact), lowest), highest)

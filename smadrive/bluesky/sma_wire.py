@@ -1,0 +1,243 @@
+"""A wire as a positioner, detector and flyer of bluesky.
+
+The device follows the protocols of bluesky by its methods alone. A servo (scripting/servo.py) begins with the first
+`set` or `kickoff`, and drives the wire until `stop`, `pause` or `unstage`, which end at zero current, confirmed by
+read-back. A run engine stops what it has set, but does not stop a flyer: `kickoff` is refused unless the wire is
+staged, because the run engine unstages it after an abort.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
+
+from smadrive.bluesky.readings import Readings, WireSample
+from smadrive.bluesky.settings import SmaWireSettings
+from smadrive.control.controllers.temperature import Command
+from smadrive.control.loop import Tick
+from smadrive.control.references.reference import Reference
+from smadrive.errors import ConfigError, MotionError
+from smadrive.safety.shutdown import shutdown_of
+from smadrive.scripting.arguments import (
+    ReferenceLike,
+    WireLike,
+    check_displacement_within,
+    reference_of_argument,
+    travel_limits_mm,
+    wire_of_argument,
+)
+from smadrive.scripting.motion import Motion
+from smadrive.scripting.open_rig import OpenRig
+from smadrive.scripting.servo import Servo
+
+
+class SmaWire:
+    """The identified `wire` on an open rig.
+
+        with smadrive.open_rig("in-process") as rig:
+            wire = SmaWire(rig, smadrive.load_wire("wire.json"), name="wire")
+            RE(bp.scan([], wire, 2, 8, 5))
+
+    `settings` are those of a move: `speed_mm_per_s`, `tolerance_mm`, `settle_s` and `timeout_s`, see `Servo.move`;
+    `configure` changes them. `log_file` is the log of the latest servo.
+    """
+
+    parent = None
+
+    def __init__(self, rig: OpenRig, wire: WireLike, *, name: str = "wire", **settings: float) -> None:
+        self.name = name
+        self._rig = rig
+        self._wire = wire_of_argument(wire)
+        self._settings = SmaWireSettings.for_limits(self.limits).changed(**settings)
+        self._readings = Readings(name, f"smadrive:{rig.config.name}", rig.quantities)
+        self._servo: Servo | None = None
+        self._is_staged = False
+        self._setpoint_mm: float | None = None
+        self._idle: WireSample | None = None
+        self._reference: Reference | None = None
+        self._pending: list[Motion] = []
+        self._flown: Motion | None = None
+        self._events: list[WireSample] = []
+
+    @property
+    def hints(self) -> dict[str, Any]:
+        """The reading that tables and plots show."""
+        return {"fields": [self._readings.main]}
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The smallest and the greatest displacement that the wire can reach, in mm."""
+        return travel_limits_mm(self._wire)
+
+    @property
+    def log_file(self) -> str:
+        """The log of the latest servo; empty before the first one."""
+        return "" if self._servo is None else str(self._servo.log_file)
+
+    def check_value(self, value: float) -> None:
+        """Raise ConfigError for a displacement in mm that the wire cannot reach."""
+        check_displacement_within(value, self.limits)
+
+    def set(self, value: float) -> Motion:
+        """Move to a displacement in mm. The status is done when the wire has settled, and fails after a trip."""
+        self.check_value(value)
+        motion = self._running_servo().move(value, **self._settings.options())
+        self._setpoint_mm = float(value)
+        return self._followed(motion)
+
+    def locate(self) -> dict[str, float]:
+        """Return the setpoint and the displacement, in mm. Without a setpoint, it is the displacement."""
+        readback_mm = self._readings.values(self._sample())[self._readings.main]
+        return {"setpoint": readback_mm if self._setpoint_mm is None else self._setpoint_mm, "readback": readback_mm}
+
+    def trigger(self) -> Motion:
+        """Take a fresh measurement: the next tick of the servo, or a measurement at zero current."""
+        if self._servo is not None and self._servo.is_running:
+            return self._followed(self._servo.sample())
+        self._idle = self._measured()
+        motion = Motion("measurement")
+        motion.finish()
+        return motion
+
+    def read(self) -> dict[str, dict[str, Any]]:
+        """Return the latest measurement. Times are those of the measurement; a fault is an alarm."""
+        return self._readings.read(self._sample())
+
+    def describe(self) -> dict[str, dict[str, Any]]:
+        """Return the data keys of `read`, with units."""
+        return self._readings.describe()
+
+    def read_configuration(self) -> dict[str, dict[str, Any]]:
+        """Return the settings, the rig, the model's source and the log."""
+        texts = {"rig": self._rig.config.name, "model_source": self._wire.source, "log_file": self.log_file}
+        return self._settings.read(self.name, texts)
+
+    def describe_configuration(self) -> dict[str, dict[str, Any]]:
+        """Return the data keys of `read_configuration`."""
+        return self._settings.describe(self.name, ("rig", "model_source", "log_file"))
+
+    def configure(self, **settings: float) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Change settings, and return the old and the new configuration."""
+        before = self.read_configuration()
+        self._settings = self._settings.changed(**settings)
+        return before, self.read_configuration()
+
+    def stage(self) -> list[SmaWire]:
+        """Take one measurement. Nothing is heated."""
+        self._is_staged = True
+        self.trigger()
+        return [self]
+
+    def unstage(self) -> list[SmaWire]:
+        """Switch the heater off, confirmed by read-back."""
+        self._is_staged = False
+        self.stop()
+        return [self]
+
+    def stop(self, success: bool = True) -> None:
+        """Switch the heater off, confirmed by read-back. Motions that are under way end as `success` says.
+
+        Raises an error only if the heater is not confirmed off: a trip has failed its motion already.
+        """
+        pending, self._pending = self._pending, []
+        for motion in pending:
+            motion.finish(None if success else MotionError("was stopped", where=self.name))
+        self._setpoint_mm = None
+        if self._servo is not None:
+            self._end(self._servo)
+
+    def pause(self) -> None:
+        """Switch the heater off. After the pause, the run engine sets the displacement again."""
+        self.stop()
+
+    def resume(self) -> None:
+        """Do nothing: the next `set` heats again."""
+
+    def prepare(self, value: ReferenceLike) -> Motion:
+        """Choose the reference that `kickoff` tracks. ConfigError if it leaves the travel of the wire."""
+        reference = reference_of_argument(value)
+        reference.check_within(self.limits)
+        self._reference = reference
+        motion = Motion("preparation")
+        motion.finish()
+        return motion
+
+    def kickoff(self) -> Motion:
+        """Move to the beginning of the prepared reference. The status is done when its tracking begins.
+
+        ConfigError without a reference, and unless the wire is staged.
+        """
+        if self._reference is None:
+            raise ConfigError("no reference is prepared", where=self.name, cure="call prepare(reference) before")
+        if not self._is_staged:
+            cure = "use bluesky.preprocessors.stage_wrapper: it switches the heater off after an abort"
+            raise ConfigError("a flyer must be staged", where=self.name, cure=cure)
+        servo = self._running_servo()
+        approach, self._flown = servo.follow(self._reference)
+        self._events = []
+        approach.add_callback(lambda motion: self._begin_collecting(servo, motion))
+        self._followed(self._flown)
+        return self._followed(approach)
+
+    def complete(self) -> Motion:
+        """Return the status of the flight, which is done at the end of the reference."""
+        if self._flown is None:
+            raise ConfigError("nothing flies", where=self.name, cure="call kickoff before")
+        return self._flown
+
+    def describe_collect(self) -> dict[str, dict[str, dict[str, Any]]]:
+        """Return the data keys of the flight's stream, NAME_fly."""
+        return {f"{self.name}_fly": self.describe()}
+
+    def collect(self) -> Iterator[dict[str, Any]]:
+        """Yield an event for each tick of the reference that was not collected before."""
+        events, self._events = self._events, []
+        yield from (self._readings.event(sample) for sample in events)
+
+    def _begin_collecting(self, servo: Servo, approach: Motion) -> None:
+        """Collect ticks from the end of the approach to the end of the flight."""
+        flown, events = self._flown, self._events
+        if not approach.success or flown is None:
+            return
+
+        def take(tick: Tick) -> None:
+            events.append(WireSample(tick, servo.unix_s(tick)))
+
+        servo.takers.append(take)
+        flown.add_callback(lambda _motion: servo.takers.remove(take))
+
+    def _end(self, servo: Servo) -> None:
+        """End a servo. If its error does not confirm the heater off, switch off once more."""
+        with suppress(Exception):
+            servo.stop()
+        outcome = None if servo.error is None else shutdown_of(servo.error)
+        is_confirmed = servo.error is None or (outcome is not None and outcome.confirmed)
+        if not is_confirmed and self._rig.is_open:
+            self._rig.off()
+
+    def _followed(self, motion: Motion) -> Motion:
+        """Keep the motion, so that `stop` can end it."""
+        self._pending = [one for one in self._pending if not one.done]
+        self._pending.append(motion)
+        return motion
+
+    def _running_servo(self) -> Servo:
+        if self._servo is None or not self._servo.is_running:
+            self._servo = self._rig.servo(self._wire)
+        return self._servo
+
+    def _sample(self) -> WireSample:
+        """Return the latest tick of the servo, or else the latest measurement at zero current."""
+        if self._servo is not None and self._servo.is_running and self._servo.tick is not None:
+            return WireSample(self._servo.tick, self._servo.unix_s(self._servo.tick))
+        if self._idle is None:
+            self._idle = self._measured()
+        return self._idle
+
+    def _measured(self) -> WireSample:
+        return WireSample(Tick(0.0, 0.0, self._rig.measure(), Command(0.0)), time.time(), is_driven=False)
+
+    def __repr__(self) -> str:
+        return f"SmaWire({self.name}, {self._rig.config.name})"

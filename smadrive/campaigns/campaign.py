@@ -1,0 +1,88 @@
+"""A campaign from its plan to its output folder.
+
+journal.jsonl      finished runs, as they finish          results.parquet   the table
+campaign.toml      a copy of the campaign file            effort.parquet    durations, times of day, processes
+logs/run-N.h5      the worst runs, executed again         report.html       the page
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import CancelledError
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+from smadrive.campaigns.execution.journal import Journal
+from smadrive.campaigns.execution.scheduling import Finished, run_all, scheduler_lost
+from smadrive.campaigns.experiments.run import logged_run
+from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
+from smadrive.campaigns.results.report import write_campaign_report
+from smadrive.campaigns.results.summary import worst_first
+from smadrive.campaigns.results.table import EFFORT, RESULTS, effort_table, results_table, write_table
+from smadrive.files.atomic import replacing
+
+if TYPE_CHECKING:
+    from distributed import Client
+    from pandas import DataFrame
+
+COPY, PAGE, LOGS = "campaign.toml", "report.html", "logs"
+
+Step = Callable[[str], None]
+"""Called with the name of a step after the runs."""
+
+
+class CampaignResult(NamedTuple):
+    """The table of a finished campaign, its digest, the page, and the logs of the worst runs by their numbers."""
+
+    table: DataFrame
+    digest: str
+    report_file: Path
+    logs: dict[int, Path]
+
+
+def conduct(
+    client: Client, plan: CampaignPlan, groups: list[list[int]], journal: Journal, finished: Finished, step: Step
+) -> CampaignResult:
+    """Execute the runs in `groups`, and write table, logs of the worst runs, and page into the folder of the journal.
+
+    `finished` is called with each result, and `step` before each step after the runs.
+    """
+    run_all(client, plan, groups, journal, finished)
+    with replacing(journal.folder / COPY) as partial:
+        partial.write_text(plan.text, encoding="utf-8")
+    table = results_table(plan, journal.results)
+    digest = write_table(table, journal.folder / RESULTS)
+    write_table(effort_table(journal.results), journal.folder / EFFORT)
+    step("logs of the worst runs")
+    logs = write_worst_logs(client, plan, table, journal.folder / LOGS)
+    step("report")
+    write_campaign_report(journal.folder / PAGE, plan, table, digest, logs)
+    return CampaignResult(table, digest, journal.folder / PAGE, logs)
+
+
+def write_worst_logs(client: Client, plan: CampaignPlan, table: DataFrame, folder: Path) -> dict[int, Path]:
+    """Execute the worst tracking runs again, with a log. Return the logs by the numbers of the runs.
+
+    A run depends on its settings alone, so the repeated run is the same run. No log has to be kept before the worst
+    runs are certain.
+    """
+    ranked = worst_first(table[table["status"] != "failed"], plan.metric)
+    numbers = [int(number) for number in ranked["run"].head(plan.config.report.worst_logs)]
+    if plan.config.run.experiment != "track" or not numbers:
+        return {}
+    folder.mkdir(exist_ok=True)
+    logs = {}
+    for number, content in zip(numbers, _log_contents(client, [plan.run(one) for one in numbers]), strict=True):
+        logs[number] = folder / f"run-{number}.h5"
+        with replacing(logs[number]) as partial:
+            partial.write_bytes(content)
+    return logs
+
+
+def _log_contents(client: Client, runs: list[PlannedRun]) -> list[bytes]:
+    """Execute the runs with logs on the cluster. Return the content of each log."""
+    try:
+        contents: list[bytes] = client.gather(client.map(logged_run, runs, pure=False))
+    except CancelledError:
+        raise scheduler_lost() from None
+    return contents

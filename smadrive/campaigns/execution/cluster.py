@@ -1,0 +1,142 @@
+"""The Dask cluster of a campaign: processes of this machine, or a cluster that is already there.
+
+Every worker has one thread, because a run computes in Python, and one BLAS thread. Dask repeats the tasks of a worker
+that dies. A task that has ended `ALLOWED_FAILURES` workers counts as failed.
+
+Dask executes what is sent to it. A local cluster listens on 127.0.0.1 alone.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import logging
+import os
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from smadrive.errors import ConfigError, TransportError
+from smadrive.numerics.blas_threads import ONE_THREAD
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+ALLOWED_FAILURES = 25
+OPTION = "--scheduler"
+PROTOCOLS = ("tcp", "tls", "ws", "wss", "ucx")
+
+CONNECTS_WITHIN_S = 10.0
+"""A scheduler that does not answer for this time is not there."""
+
+SETTINGS = {
+    "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
+    "distributed.nanny.pre-spawn-environ": {
+        **ONE_THREAD,
+        "MALLOC_TRIM_THRESHOLD_": 65536,
+        "DASK_LOGGING__DISTRIBUTED": "critical",
+    },
+    "distributed.worker.preload": ["smadrive.campaigns.execution.cluster"],
+}
+"""Settings of a local cluster. The environment is set before a worker imports numpy and dask."""
+
+
+def check_dask() -> None:
+    """Raise ConfigError if the extra `campaign` is not installed."""
+    for name in ("distributed", "pyarrow", "pandas"):
+        if importlib.util.find_spec(name) is None:
+            cure = f"install it with `{sys.executable} -m pip install 'smadrive[campaign]'`"
+            raise ConfigError(f"campaigns need {name}", cure=cure)
+
+
+def usable_cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def dask_setup(_worker: Any) -> None:
+    """Ignore Ctrl-C in a worker process: the command ends its workers. Dask calls this function in each worker."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@contextmanager
+def local_client(workers: int) -> Iterator[Client]:
+    """Yield the client of a new cluster with `workers` processes on this machine, and end the cluster afterwards."""
+    import dask  # noqa: PLC0415 (a command that needs no cluster must start at once)
+
+    with dask.config.set(SETTINGS):
+        from distributed import Client, LocalCluster  # noqa: PLC0415
+
+        _silence_logs()
+        dashboard = "127.0.0.1:0" if importlib.util.find_spec("bokeh") else None
+        with (
+            LocalCluster(
+                n_workers=workers, threads_per_worker=1, dashboard_address=dashboard, host="127.0.0.1"
+            ) as cluster,
+            Client(cluster) as client,
+        ):
+            yield client
+
+
+@contextmanager
+def remote_client(address: str) -> Iterator[Client]:
+    """Yield the client of the scheduler at `address`, and leave the cluster running.
+
+    ConfigError for a malformed address, and for another version of smadrive on a worker. TransportError when no
+    scheduler answers there.
+    """
+    check_address(address)
+    from distributed import Client  # noqa: PLC0415
+
+    _silence_logs()
+    try:
+        client = Client(address, timeout=CONNECTS_WITHIN_S)
+    except OSError:
+        cure = "start `dask scheduler` there, or leave the option out to use the cores of this machine"
+        limit = f"{CONNECTS_WITHIN_S:g} s"
+        raise TransportError("no scheduler answers", where=OPTION, value=address, limit=limit, cure=cure) from None
+    try:
+        _check_versions(client)
+        yield client
+    finally:
+        with suppress(OSError, TimeoutError):
+            client.close()
+
+
+def _silence_logs() -> None:
+    """Let Dask log nothing about lost connections and dead workers: the command reports them itself."""
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+def _check_versions(client: Client) -> None:
+    """Raise ConfigError if a worker has another version of smadrive, whose runs may be different."""
+    own = version("smadrive")
+    for worker, found in client.run(version, "smadrive", on_error="return").items():
+        if found != own:
+            where, cure = f"worker {worker}", "install the same version of smadrive on all workers"
+            raise ConfigError("another version of smadrive", where=where, value=str(found), limit=own, cure=cure)
+
+
+def check_address(address: str) -> None:
+    """Raise ConfigError if `address` is not the address of a scheduler, with protocol, host and port."""
+    try:
+        parts = urlsplit(address)
+        is_address = parts.scheme in PROTOCOLS and bool(parts.hostname) and parts.port is not None
+    except ValueError:
+        is_address = False
+    if not is_address:
+        cure = "write an address such as tcp://192.168.1.10:8786"
+        raise ConfigError("not an address", where=OPTION, value=address, cure=cure)
+
+
+def threads_of(client: Client) -> int:
+    """Return the number of threads of all workers. TransportError for a cluster without a worker."""
+    threads = int(sum(client.nthreads().values()))
+    if not threads:
+        cure = "start workers: dask worker ADDRESS --nthreads 1"
+        raise TransportError("the cluster has no worker", where=OPTION, cure=cure)
+    return threads

@@ -1,0 +1,127 @@
+"""Time and disk space of a campaign, estimated before it starts.
+
+The time of a run is the number of its ticks. The time of a tick is measured here, on the rig of the first run. A fit, a
+smoothed reference and a Preisach wire cost as much as a number of ticks that was measured once.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig
+from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
+from smadrive.control.controllers.step import ConstantCurrentController
+from smadrive.control.references.shapes import parse_reference
+from smadrive.errors import DataError
+from smadrive.files.csv_table import read_table
+from smadrive.rig.controllers import excitation_path
+from smadrive.runs.tracking_plan import APPROACH_S
+
+PROBE_S = 5.0
+"""Simulated time in which the time of a tick is measured."""
+
+FIT_TICKS, MEMORY_TICKS, RANDOM_TICKS = 12_000, 75_000, 25_000
+"""The time of a fit, in ticks: of a wire without memory, of a Preisach wire, and the mean over wires of random kind."""
+
+SMOOTHING_TICKS = 1.5
+"""The time of the simulation that smooths a reference, in ticks per tick of the run."""
+
+SETUP_TICKS = 200
+"""The time that a run needs besides its ticks, in ticks."""
+
+ROW_BYTES = 1600
+"""Bytes of a run in the journal and in the tables."""
+
+TICK_BYTES, LOG_BYTES = 180, 300_000
+"""Bytes of a tick in a log, and of the metadata of a log."""
+
+PAGE_BYTES = 2_000_000
+SPARE = 2.0
+"""The disk must have this many times the estimated space."""
+
+
+class CampaignEstimate(NamedTuple):
+    """The estimated work of a campaign: number of runs and identifications, time on one core, bytes on the disk."""
+
+    runs: int
+    identifications: int
+    core_s: float
+    disk_bytes: float
+
+
+def estimated(plan: CampaignPlan, groups: list[list[int]]) -> CampaignEstimate:
+    """Return the estimate for the runs in `groups`, which share an identification per group."""
+    numbers = [number for group in groups for number in group]
+    if not numbers:
+        return CampaignEstimate(0, 0, 0.0, PAGE_BYTES)
+    sampled = [
+        plan.run(numbers[place]) for place in np.linspace(0, len(numbers) - 1, min(100, len(numbers)), dtype=int)
+    ]
+    first = sampled[0]
+    identifies = first.settings.experiment != "fit" and first.settings.model is None
+    identifications = len(groups) if identifies else 0
+    tracking = float(np.mean([_tracking_ticks(run) for run in sampled]))
+    identifying = float(np.mean([_identification_ticks(run) for run in sampled])) if identifies else 0.0
+    per_tick_s = 0.0 if first.settings.experiment == "fit" else tick_s(first)
+    if first.settings.experiment == "fit":
+        per_tick_s, tracking = 3e-4, FIT_TICKS
+    core_s = per_tick_s * (len(numbers) * tracking + identifications * identifying)
+    logs = plan.config.report.worst_logs * (tracking * TICK_BYTES + LOG_BYTES)
+    return CampaignEstimate(len(numbers), identifications, core_s, len(numbers) * ROW_BYTES + logs + PAGE_BYTES)
+
+
+def check_disk(folder: Path, estimate: CampaignEstimate) -> None:
+    """Raise DataError if the disk of `folder` is too small for the campaign."""
+    place = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if parent.exists())
+    free = shutil.disk_usage(place).free
+    if free < SPARE * estimate.disk_bytes:
+        value, limit = f"{free / 1e6:.0f} MB free", f"{SPARE * estimate.disk_bytes / 1e6:.0f} MB"
+        raise DataError("the disk is too small", where=folder, value=value, limit=limit, cure="choose another folder")
+
+
+def tick_s(run: PlannedRun) -> float:
+    """Return the processor time of one tick of this run's rig, s. The heater stays off."""
+    simulated, count = SimulatedRig(run, run.documents.sim, TRACKING), [0]
+
+    def record(_tick: object) -> None:
+        count[0] += 1
+
+    with simulated.rig as rig:
+        began_s = time.process_time()
+        rig.drive(ConstantCurrentController(0.0, PROBE_S), rig.nominal_balance, record)
+        return (time.process_time() - began_s) / max(count[0], 1)
+
+
+def _identification_ticks(run: PlannedRun) -> float:
+    rig, ambient_c = run.documents.rig, run.documents.sim.wire.ambient_c
+    return rig.rate_hz * excitation_path(rig.excitation, ambient_c).duration_s + _fit_ticks(run)
+
+
+def _fit_ticks(run: PlannedRun) -> int:
+    wire, fit = run.settings.wire, run.settings.fit
+    if fit.kind == "duhem" or fit.memory == 1:
+        return FIT_TICKS
+    kind = run.documents.sim.transformation.kind if wire.seed is None else wire.kind
+    return RANDOM_TICKS if kind is None else MEMORY_TICKS if kind == "preisach" else FIT_TICKS
+
+
+def _tracking_ticks(run: PlannedRun) -> float:
+    if run.reference is None or run.settings.experiment != "track":
+        return 0.0
+    ticks = run.documents.rig.rate_hz * (_reference_s(run) + APPROACH_S)
+    return ticks * (1.0 + SMOOTHING_TICKS * run.reference.smooth) + SETUP_TICKS
+
+
+def _reference_s(run: PlannedRun) -> float:
+    """Return the duration of the reference of a run, without its approach."""
+    assert run.reference is not None
+    if run.reference.file is not None:
+        return float(np.ptp(read_table(Path(run.reference.file)).column("time_s")))
+    shape = run.reference.shape or ""
+    ends = "" if "_mm=" in shape else f"{',' if ':' in shape else ':'}low_mm=1,high_mm=2"
+    return parse_reference(shape + ends).duration_s

@@ -1,0 +1,141 @@
+"""The journal of a campaign: one line for each finished run, in the output folder. A later command can go on with it.
+
+The first line identifies the plan. Each further line is a JSON object with the number of a run, its row and its effort.
+A line is written as soon as its run is finished. A kill can cut the last line; it is removed when the journal is opened
+again, and its run is repeated.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import time
+from pathlib import Path
+from types import TracebackType
+from typing import IO, Any, Self
+
+from smadrive.campaigns.experiments.run import Effort, RunResult
+from smadrive.campaigns.plan.plan import CampaignPlan
+from smadrive.errors import DataError
+
+JOURNAL = "journal.jsonl"
+SCHEMA = 1
+SYNCED_S = 1.0
+"""The journal is synchronized to the disk at most this often."""
+
+
+class Journal:
+    """The finished runs of a campaign by number, in memory and on the disk.
+
+    A context manager; inside, no other command may use the folder.
+    """
+
+    def __init__(self, folder: Path, plan: CampaignPlan, *, resume: bool) -> None:
+        self.folder, self._plan, self._resume = folder, plan, resume
+        self.results: dict[int, RunResult] = {}
+
+    def __enter__(self) -> Self:
+        """Create the journal, or open the journal of an earlier command.
+
+        DataError when the folder is not empty, is used by another command, or belongs to another campaign.
+        """
+        self._file = self._open()
+        try:
+            self._lock()
+            if self._resume:
+                self._read()
+            else:
+                self._write({"schema": SCHEMA, "fingerprint": self._plan.fingerprint, "title": self._plan.config.title})
+        except BaseException:
+            self._file.close()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Synchronize the journal to the disk, and release the folder. A new journal without a run is removed."""
+        if not self.results and not self._resume:
+            (self.folder / JOURNAL).unlink()
+        self._sync()
+        self._file.close()
+
+    def add(self, number: int, result: RunResult) -> None:
+        """Keep the result of a run."""
+        self.results[number] = result
+        self._write({"run": number, "row": result.row, "effort": result.effort._asdict()})
+        if time.monotonic() - self._synced_s > SYNCED_S:
+            self._sync()
+
+    def _open(self) -> IO[str]:
+        path = self.folder / JOURNAL
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            if self._resume:
+                return path.open("r+", encoding="utf-8")
+            _check_empty(self.folder)
+            return path.open("x", encoding="utf-8")
+        except FileNotFoundError:
+            cure = "give the folder of an interrupted campaign, or leave out --resume"
+            raise DataError("no campaign was begun in this folder", where=self.folder, cure=cure) from None
+        except FileExistsError:
+            raise _not_empty(self.folder) from None
+        except OSError as error:
+            cure = "choose another folder"
+            raise DataError("cannot be used as a folder", where=self.folder, value=error.strerror, cure=cure) from None
+
+    def _lock(self) -> None:
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            cure = "wait until it has ended, or choose another folder"
+            raise DataError("another campaign writes into this folder", where=self.folder, cure=cure) from None
+
+    def _read(self) -> None:
+        """Read the finished runs, and remove a line that a kill has cut."""
+        whole = 0
+        for line in self._file.read().splitlines(keepends=True):
+            if not line.endswith("\n"):
+                break
+            self._take(json.loads(line), is_head=whole == 0)
+            whole += len(line.encode())
+        if not whole:
+            raise DataError("the journal has no first line", where=self.folder / JOURNAL, cure="choose another folder")
+        self._file.seek(whole)
+        self._file.truncate()
+        self._sync()
+
+    def _take(self, entry: dict[str, Any], *, is_head: bool) -> None:
+        if not is_head:
+            self.results[entry["run"]] = RunResult(entry["row"], Effort(**entry["effort"]))
+        elif entry.get("fingerprint") != self._plan.fingerprint:
+            raise DataError(
+                "the folder belongs to another campaign, or a file that the campaign names has changed",
+                where=self.folder,
+                value=entry.get("title"),
+                cure="give the same campaign file with the same files, or choose another folder without --resume",
+            )
+
+    def _write(self, entry: dict[str, Any]) -> None:
+        try:
+            self._file.write(json.dumps(entry) + "\n")
+            self._file.flush()
+        except OSError as error:
+            cure = "make room on the disk, and go on with --resume"
+            raise DataError("cannot be written", where=self.folder, value=error.strerror, cure=cure) from None
+        self._synced_s = getattr(self, "_synced_s", time.monotonic())
+
+    def _sync(self) -> None:
+        os.fsync(self._file.fileno())
+        self._synced_s = time.monotonic()
+
+
+def _check_empty(folder: Path) -> None:
+    if any(folder.iterdir()):
+        raise _not_empty(folder)
+
+
+def _not_empty(folder: Path) -> DataError:
+    cure = "choose another folder, or go on with the campaign in this folder: --resume"
+    return DataError("the folder is not empty", where=folder, cure=cure)

@@ -1,0 +1,103 @@
+"""The order in which the runs of a campaign go to the cluster, and the collection of their results.
+
+Runs that share an identification follow each other: the cluster identifies their wire once, and forgets it with the
+last of them. Only some runs per thread are on the cluster at a time, so the memory does not grow with the campaign.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from smadrive.campaigns.execution.cluster import OPTION
+from smadrive.campaigns.execution.journal import Journal
+from smadrive.campaigns.experiments.run import (
+    Effort,
+    RunResult,
+    execute,
+    identification_key,
+    identify,
+    needs_identification,
+)
+from smadrive.campaigns.plan.plan import CampaignPlan
+from smadrive.errors import TransportError
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+RUNS_PER_THREAD = 4
+"""Number of runs per thread that are on the cluster at a time. A worker that has none waits for the scheduler."""
+
+Finished = Callable[[RunResult], None]
+
+
+def groups_of(plan: CampaignPlan, done: set[int]) -> list[list[int]]:
+    """Return the numbers of the runs that are not done. The runs of a group share an identification."""
+    groups: dict[str, list[int]] = {}
+    for number in range(plan.count):
+        if number not in done:
+            run = plan.run(number)
+            key = identification_key(run) if needs_identification(run) else f"run {number}"
+            groups.setdefault(key, []).append(number)
+    return list(groups.values())
+
+
+def run_all(client: Client, plan: CampaignPlan, groups: list[list[int]], journal: Journal, finished: Finished) -> None:
+    """Execute the runs of `groups` on the cluster, and add each result to the journal.
+
+    `finished` is called with each result. TransportError if the scheduler is lost.
+    """
+    from distributed import as_completed  # noqa: PLC0415 (a command that needs no cluster must start at once)
+
+    submissions = _submissions(client, plan, groups)
+    numbers: dict[Any, int] = {}
+
+    def submitted(count: int) -> list[Future[RunResult]]:
+        futures = []
+        for number, future in submissions:
+            numbers[future.key] = number
+            futures.append(future)
+            if len(futures) == count:
+                break
+        return futures
+
+    threads = max(1, sum(client.nthreads().values()))
+    completed = as_completed(submitted(RUNS_PER_THREAD * threads))
+    for future in completed:
+        number, result = numbers.pop(future.key), _result_of(future)
+        journal.add(number, result)
+        finished(result)
+        for following in submitted(1):
+            completed.add(following)
+
+
+def _submissions(
+    client: Client, plan: CampaignPlan, groups: list[list[int]]
+) -> Iterator[tuple[int, Future[RunResult]]]:
+    """Send the runs one by one, as the caller asks for them. Yield the number and the future of each run."""
+    token = uuid.uuid4().hex[:8]
+    for group in groups:
+        first = plan.run(group[0])
+        knowledge = None
+        if needs_identification(first):
+            knowledge = client.submit(identify, first, key=f"{identification_key(first)}-{token}")
+        for number in group:
+            yield number, client.submit(execute, plan.run(number), knowledge, key=f"run-{number}-{token}")
+
+
+def scheduler_lost() -> TransportError:
+    """Return the error for a scheduler that has ended."""
+    cure = "start the cluster again, and go on with --resume"
+    return TransportError("the scheduler is lost", where=OPTION, cure=cure)
+
+
+def _result_of(future: Future[RunResult]) -> RunResult:
+    """Return the result of a run. A run that ended its workers again and again is a failed run."""
+    if future.status in ("cancelled", "lost"):
+        raise scheduler_lost()
+    error: Any = future.exception() if future.status == "error" else None
+    if error is None:
+        return future.result()
+    row = {"status": "failed", "error_type": type(error).__name__, "error": "the workers of this run died"}
+    return RunResult(row, Effort("", 0.0, 0.0, 0.0, "", str(error)))

@@ -1,0 +1,101 @@
+"""The controllers that a campaign compares: the inverse feedforward, and baselines without it.
+
+inverse          the controller of every run of smadrive, on the identified model
+duhem-inverse    the same controller on a Duhem model that is fitted to the same record
+plain-map        the same controller with a static temperature map, without hysteresis
+feedback-only    no feedforward: displacement → power by a PI controller; without a displacement sensor, the
+                 temperature setpoint of the static map by the temperature feedback alone
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from smadrive.campaigns.experiments.identification import WireKnowledge
+from smadrive.campaigns.plan.config import FitConfig
+from smadrive.campaigns.plan.plan import PlannedRun
+from smadrive.control.controllers.temperature import Command, Controller
+from smadrive.control.controllers.tracking import TrackingController
+from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse, StaticMap
+from smadrive.control.references.reference import Reference
+from smadrive.identification.wire import identify_hysteresis
+from smadrive.measurement import Measurement
+from smadrive.rig.controllers import tracking_settings
+from smadrive.wire.wire_model import WireModel
+
+SLOPE_POINTS = 1000
+"""Number of points of the heating branch over which its slope is averaged."""
+
+
+class DisplacementPI:
+    """A PI controller from displacement to power, with its gain by lambda tuning at the mean slope of the loop.
+
+    Its two time constants are the best of a sweep: shorter ones make the loop oscillate, longer ones make it lag.
+    """
+
+    CLOSED_LOOP_S = 0.05
+    DELAY_S = 0.1
+    INTEGRAL_S = 0.8
+
+    def __init__(self, reference: Reference, wire: WireModel, limit_a: float) -> None:
+        balance, slope_per_k = wire.balance, _mean_slope_per_k(wire)
+        capacity_j_per_k = balance.heat_capacity_j_per_k + balance.latent_heat_j * slope_per_k
+        self.duration_s = reference.duration_s
+        self._reference, self._balance = reference, balance
+        self._limit_w = limit_a**2 * balance.resistance_cold_ohm
+        slope_mm_per_k = wire.travel_mm * slope_per_k
+        self._gain_w_per_mm = capacity_j_per_k / (slope_mm_per_k * (self.CLOSED_LOOP_S + self.DELAY_S))
+        self._integral_w = 0.0
+
+    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
+        """Return the command for the measured displacement."""
+        setpoint_mm = self._reference.value_mm(time_s)
+        proportional_w = self._gain_w_per_mm * (setpoint_mm - measurement.displacement_mm)
+        unclamped_w = proportional_w + self._integral_w
+        power_w = min(max(unclamped_w, 0.0), self._limit_w)
+        if power_w == unclamped_w or (unclamped_w < 0.0) == (proportional_w > 0.0):
+            self._integral_w += proportional_w * dt_s / self.INTEGRAL_S
+        return Command(self._balance.current_a(power_w, 0.0), setpoint_mm=setpoint_mm, power_w=power_w)
+
+
+def controller_of(
+    run: PlannedRun, knowledge: WireKnowledge, wire: WireModel, reference: Reference
+) -> tuple[Controller, DisplacementInverse]:
+    """Return the controller of a tracking run, and the inverse that it uses or replaces."""
+    name, settings = run.settings.controller, tracking_settings(run.documents.rig)
+    if name == "inverse":
+        return _tracking(reference, wire, run)
+    if name == "duhem-inverse":
+        fit = identify_hysteresis(
+            knowledge.temperature_c, knowledge.displacement_mm, FitConfig(kind="duhem").settings()
+        )
+        return _tracking(reference, WireModel(fit.model, wire.balance), run)
+    plain = _static_map(knowledge, wire)
+    if name == "plain-map":
+        return TrackingController(reference, wire, plain, settings), plain
+    if run.settings.displacement_sensor:
+        return DisplacementPI(reference, wire, settings.current_limit_a), plain
+    return TrackingController(reference, wire, plain, replace(settings, feedforward_share=0.0)), plain
+
+
+def _tracking(reference: Reference, wire: WireModel, run: PlannedRun) -> tuple[Controller, DisplacementInverse]:
+    inverse = HysteresisInverse(wire.model)
+    return TrackingController(reference, wire, inverse, tracking_settings(run.documents.rig)), inverse
+
+
+def _static_map(knowledge: WireKnowledge, wire: WireModel) -> StaticMap:
+    """Return the static map of the record. For a wire from a model file, the map of the major loop of its model."""
+    if knowledge.temperature_c.size:
+        return StaticMap(knowledge.temperature_c, knowledge.displacement_mm)
+    inputs_c = np.linspace(*wire.model.input_range, SLOPE_POINTS)
+    loop_c = np.concatenate((inputs_c, inputs_c[::-1]))
+    return StaticMap(loop_c, wire.model.simulate(loop_c))
+
+
+def _mean_slope_per_k(wire: WireModel) -> float:
+    """Return the mean of dw/dT over the heating branch, weighted by the share of the transformation."""
+    inputs_c = np.linspace(*wire.model.input_range, SLOPE_POINTS)
+    slopes_per_k = wire.model.branch_slope(inputs_c, rising=True)
+    return float(np.sum(slopes_per_k * np.gradient(wire.model.branch(inputs_c, rising=True))))

@@ -1,0 +1,62 @@
+"""The reference of a tracking run, scaled to the identified travel of its wire.
+
+A phase of 0 is the displacement of the cold wire, a phase of 1 that of the hot wire.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from smadrive.campaigns.plan.config import ReferenceConfig
+from smadrive.control.feasibility import simulate_run
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.reference import Reference
+from smadrive.control.references.shapes import parse_reference
+from smadrive.files.csv_table import read_table
+from smadrive.rig.config import RigConfig
+from smadrive.rig.controllers import tracking_settings
+from smadrive.runs.tracking_plan import APPROACH_S
+from smadrive.wire.wire_model import WireModel, WireState, travel_mm
+
+
+class PlannedReference(NamedTuple):
+    """The reference that a run tracks. `smoothed` is True if the wire could not follow the requested one."""
+
+    reference: Reference
+    smoothed: bool
+
+
+def planned_reference(config: ReferenceConfig, wire: WireModel, rig: RigConfig) -> PlannedReference:
+    """Return the reference with the approach of the cold wire, smoothed if the file asks for that.
+
+    ConfigError for a reference outside the travel of the wire, DataError for an unusable table.
+    """
+    requested = _requested(config, *travel_mm(wire.model))
+    requested.check_within(travel_mm(wire.model))
+    path = requested.with_approach(travel_mm(wire.model)[0], APPROACH_S)
+    if not config.smooth:
+        return PlannedReference(path, smoothed=False)
+    ambient_c = wire.balance.ambient_c
+    start = WireState(ambient_c, wire.model.initial_state(ambient_c))
+    simulated = simulate_run(path, wire, HysteresisInverse(wire.model), tracking_settings(rig), start)
+    return PlannedReference(simulated.nearest, not simulated.feasible)
+
+
+def _requested(config: ReferenceConfig, cold_mm: float, hot_mm: float) -> Reference:
+    if config.file is not None:
+        return _from_table(Path(config.file), cold_mm, hot_mm)
+    assert config.shape is not None
+    if "_mm=" in config.shape.replace(" ", ""):
+        return parse_reference(config.shape)
+    low_mm, high_mm = (cold_mm + phase * (hot_mm - cold_mm) for phase in (config.low, config.high))
+    separator = "," if ":" in config.shape else ":"
+    return parse_reference(f"{config.shape}{separator}low_mm={low_mm!r},high_mm={high_mm!r}")
+
+
+def _from_table(path: Path, cold_mm: float, hot_mm: float) -> Reference:
+    table = read_table(path)
+    times_s = table.column("time_s")
+    if "phase" not in table.cells:
+        return Reference.from_samples(times_s, table.column("displacement_mm"))
+    return Reference.from_samples(times_s, cold_mm + (hot_mm - cold_mm) * table.column("phase"))

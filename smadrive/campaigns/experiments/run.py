@@ -1,0 +1,143 @@
+"""The tasks of a campaign: identify the wire of a run, execute a run. A failed run is a row with its error.
+
+The result of a task depends on its arguments alone, so a task may be repeated on another worker.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import time
+import traceback
+from datetime import UTC, datetime
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from smadrive.campaigns.experiments.columns import Row
+from smadrive.campaigns.experiments.identification import (
+    WireKnowledge,
+    excited_wire,
+    fit_row,
+    identification_row,
+    wire_of_model,
+)
+from smadrive.campaigns.experiments.simulated_rig import simulated_wire, wire_row
+from smadrive.campaigns.experiments.tracking import tracking_row
+from smadrive.campaigns.plan.documents import RunDocuments
+from smadrive.campaigns.plan.plan import PlannedRun
+from smadrive.errors import SmadriveError
+
+
+class FailedIdentification(NamedTuple):
+    """The error of an identification. Every run that needs this identification fails with it."""
+
+    error_type: str
+    error: str
+    trace: str
+    cpu_s: float
+
+
+class Effort(NamedTuple):
+    """Durations, time of day and process of a run, and the trace of an unexpected error. They differ each time.
+
+    `cpu_s` is the processor time of the run, without its identification. `identification_cpu_s` is that of the
+    identification, which the run may share with others.
+    """
+
+    began: str
+    duration_s: float
+    cpu_s: float
+    identification_cpu_s: float
+    process: str
+    trace: str = ""
+
+
+class RunResult(NamedTuple):
+    """The row of a run without its axes, and its effort."""
+
+    row: Row
+    effort: Effort
+
+
+def needs_identification(run: PlannedRun) -> bool:
+    """Return True if the run excites and identifies its wire."""
+    return run.settings.experiment != "fit" and run.settings.model is None
+
+
+def identification_key(run: PlannedRun) -> str:
+    """Return a name for the identification of a run. Runs with the same name share one identification."""
+    settings = run.settings
+    parts = _documents_text(run.documents), settings.sim, settings.wire, settings.seed, settings.fit
+    return f"identification-{hashlib.sha256(repr(parts).encode()).hexdigest()[:24]}"
+
+
+@lru_cache(maxsize=1024)
+def _documents_text(documents: RunDocuments) -> str:
+    return repr(documents)
+
+
+def identify(run: PlannedRun) -> WireKnowledge | FailedIdentification:
+    """Excite and identify the wire of a run. An error is a result: each run that needs this wire has it as its own."""
+    began_s = time.thread_time()
+    try:
+        return excited_wire(run)._replace(cpu_s=time.thread_time() - began_s)
+    except Exception as error:  # noqa: BLE001 (a defect in one run must not end the campaign)
+        trace = traceback.format_exc()
+        return FailedIdentification(type(error).__name__, str(error), trace, time.thread_time() - began_s)
+
+
+def execute(run: PlannedRun, knowledge: WireKnowledge | FailedIdentification | None = None) -> RunResult:
+    """Execute a run and return its row. `knowledge` is the result of `identify` if the run needs one."""
+    began, clock_s, cpu_s = datetime.now(UTC), time.monotonic(), time.thread_time()
+    row, trace = _row_or_error(run, knowledge)
+    effort = Effort(
+        began.isoformat(timespec="milliseconds"),
+        time.monotonic() - clock_s,
+        time.thread_time() - cpu_s,
+        0.0 if knowledge is None else knowledge.cpu_s,
+        f"{os.uname().nodename}:{os.getpid()}",
+        trace,
+    )
+    return RunResult(row, effort)
+
+
+def logged_run(run: PlannedRun) -> bytes:
+    """Execute a tracking run again with a log, and return the content of the log."""
+    with TemporaryDirectory() as folder:
+        log_file = Path(folder) / "run.h5"
+        tracking_row(run, _knowledge(run), log_file)
+        return log_file.read_bytes()
+
+
+def _row_or_error(run: PlannedRun, knowledge: WireKnowledge | FailedIdentification | None) -> tuple[Row, str]:
+    if isinstance(knowledge, FailedIdentification):
+        row = _wire_row_if_simulated(run)
+        return {**row, **_failed(knowledge.error_type, knowledge.error)}, knowledge.trace
+    try:
+        return _row(run, knowledge), ""
+    except Exception as error:  # noqa: BLE001 (a defect in one run must not end the campaign)
+        trace = "" if isinstance(error, SmadriveError) else traceback.format_exc()
+        return {**_wire_row_if_simulated(run), **_failed(type(error).__name__, str(error))}, trace
+
+
+def _row(run: PlannedRun, knowledge: WireKnowledge | None) -> Row:
+    if run.settings.experiment == "fit":
+        return fit_row(run)
+    knowledge = knowledge or _knowledge(run)
+    if run.settings.experiment == "identify":
+        return identification_row(run, knowledge)
+    return tracking_row(run, knowledge)
+
+
+def _knowledge(run: PlannedRun) -> WireKnowledge:
+    return excited_wire(run) if run.settings.model is None else wire_of_model(run.settings.model)
+
+
+def _wire_row_if_simulated(run: PlannedRun) -> Row:
+    return {} if run.settings.experiment == "fit" else wire_row(simulated_wire(run))
+
+
+def _failed(error_type: str, error: str) -> Row:
+    return {"status": "failed", "error_type": error_type, "error": error}

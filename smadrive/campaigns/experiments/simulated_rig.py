@@ -1,0 +1,88 @@
+"""The rig of one run: its random wire, its simulated devices, and the faults that come during the run.
+
+The addresses in the rig file have no effect: all devices are simulated in this process, in virtual time. No port is
+opened, and no state is kept.
+"""
+
+from __future__ import annotations
+
+from random import Random
+
+from firmware_sim.bench import SimulatedBench
+from firmware_sim.config import SimConfig
+from firmware_sim.fault_script import FaultEntry, FaultScript, scheduled
+from firmware_sim.physics.random_wire import random_wire
+from smadrive.campaigns.experiments.columns import Row
+from smadrive.campaigns.plan.config import DisturbanceConfig
+from smadrive.campaigns.plan.documents import changed_sim
+from smadrive.campaigns.plan.plan import PlannedRun
+from smadrive.rig.rig import Rig
+from smadrive.rig.simulation import SimulatedConnections
+
+EXCITATION, TRACKING = 0, 1
+"""The parts of a run. Each part has its own noise."""
+
+
+def simulated_wire(run: PlannedRun) -> SimConfig:
+    """Return the simulated wire of a run: nominal, or random around the nominal wire. Changes of the run come last."""
+    wire, sim = run.settings.wire, run.documents.sim
+    if wire.seed is None:
+        return sim
+    return changed_sim(random_wire(sim, wire.seed, wire.kind), run.settings.sim)
+
+
+def wire_row(sim: SimConfig) -> Row:
+    """Return the true parameters of the simulated wire."""
+    wire, transformation = sim.wire, sim.transformation
+    branches = ("mu_heating_c", "mu_cooling_c", "sigma_heating_c", "sigma_cooling_c")
+    heat = ("stroke_mm", "heat_capacity_j_per_k", "loss_w_per_k", "latent_heat_j_per_kg", "resistance_cold_ohm")
+    return {
+        "wire_kind": transformation.kind,
+        **{name: getattr(wire, name) for name in heat},
+        "thermocouple_lag_s": sim.thermocouple.lag_s,
+        **{name: getattr(transformation, name) for name in branches},
+    }
+
+
+def noise_seed(run: PlannedRun, part: int) -> int:
+    """Return the seed of the noise in a part of a run.
+
+    Runs of one wire have the same noise, so that their differences come from their settings.
+    """
+    return Random(f"{run.settings.seed} {run.settings.wire.seed} {part}").getrandbits(32)
+
+
+class SimulatedRig:
+    """The rig of a run on its simulated wire. `simulated_bench` has the true state of the wire."""
+
+    def __init__(self, run: PlannedRun, sim: SimConfig, part: int) -> None:
+        self._seed = noise_seed(run, part)
+        self.simulated_bench = SimulatedBench(sim, self._seed)
+        connections = SimulatedConnections(self.simulated_bench)
+        config, data_sheet = run.documents.rig, run.documents.data_sheet
+        transports = {device.name: connections.transport(device) for device in config.devices}
+        self.rig = Rig(config, transports=transports, data_sheet=data_sheet)
+
+    def plan_disturbance(self, disturbance: tuple[DisturbanceConfig, ...], scored_from_s: float) -> None:
+        """Let the faults come at their times, counted from `scored_from_s` after now. ConfigError for an unknown fault.
+
+        A random time depends on the seed of the noise.
+        """
+        random, begins_s = Random(self._seed), self.simulated_bench.time_s + scored_from_s
+        entries = (_entry(one, begins_s, random) for one in disturbance)
+        self.simulated_bench.follow_script(FaultScript(faults=tuple(entries)))
+
+
+def check_disturbance(run: PlannedRun) -> None:
+    """Raise ConfigError if a fault of the run is unknown, or has unknown parameters."""
+    simulated = SimulatedRig(run, run.documents.sim, TRACKING)
+    script = FaultScript(faults=tuple(_entry(one, 0.0, Random(0)) for one in run.disturbance))
+    scheduled(script, simulated.simulated_bench.known_faults())
+
+
+def _entry(disturbance: DisturbanceConfig, begins_s: float, random: Random) -> FaultEntry:
+    at_s = disturbance.at_s
+    if disturbance.between_s is not None:
+        at_s = random.uniform(*disturbance.between_s)
+    assert at_s is not None
+    return FaultEntry(at_s=begins_s + at_s, name=disturbance.name, **(disturbance.model_extra or {}))

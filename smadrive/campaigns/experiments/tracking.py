@@ -1,0 +1,129 @@
+"""The tracking of a run: the reference on the simulated wire, and the metrics of the true displacement."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from math import nan
+from pathlib import Path
+
+import numpy as np
+
+from firmware_sim.config import SimConfig
+from smadrive.campaigns.experiments.columns import Row
+from smadrive.campaigns.experiments.controllers import controller_of
+from smadrive.campaigns.experiments.identification import WireKnowledge
+from smadrive.campaigns.experiments.references import PlannedReference, planned_reference
+from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig, simulated_wire, wire_row
+from smadrive.campaigns.plan.plan import PlannedRun
+from smadrive.control.feedforward.displacement import DisplacementInverse
+from smadrive.control.loop import LoopMetrics, Tick
+from smadrive.control.references.reference import Reference
+from smadrive.errors import TripError
+from smadrive.rig.rig import Rig
+from smadrive.runs.run_log import TickRecorder, record_tracking
+from smadrive.wire.wire_model import WireModel
+
+
+class TickSeries:
+    """The ticks of a tracking run that its metrics need, with the true state of the wire at each tick."""
+
+    def __init__(self, simulated: SimulatedRig) -> None:
+        self._plant = simulated.simulated_bench.plant
+        self._rows: list[tuple[float, ...]] = []
+
+    def tick(self, tick: Tick) -> None:
+        """Keep one tick."""
+        measured = tick.measurement
+        self._rows.append(
+            (
+                tick.time_s,
+                self._plant.displacement_mm,
+                self._plant.temperature_c,
+                measured.current_a,
+                measured.voltage_v,
+                bool(measured.limits),
+            )
+        )
+
+    def error_row(self, planned: PlannedReference, stroke_mm: float) -> Row:
+        """Return the tracking errors after the approach in % of the true stroke; NaN if the run ended before."""
+        time_s, reached_mm = self._columns()[:2]
+        reference = planned.reference
+        setpoint_mm = np.array([reference.value_mm(one_s) for one_s in time_s])
+        percent = 100.0 * (setpoint_mm - reached_mm)[time_s >= reference.scored_from_s] / stroke_mm
+        if percent.size == 0:
+            return {"rms_percent": nan, "max_percent": nan}
+        return {"rms_percent": float(np.sqrt(np.mean(percent**2))), "max_percent": float(np.abs(percent).max())}
+
+    def heat_row(self) -> Row:
+        """Return energy, highest temperature, largest current, and the share of ticks at a limit."""
+        time_s, _, temperature_c, current_a, voltage_v, limited = self._columns()
+        if time_s.size == 0:
+            return {}
+        power_w = current_a * voltage_v
+        return {
+            "energy_j": float(np.nansum(power_w[1:] * np.diff(time_s))),
+            "temperature_max_c": float(temperature_c.max()),
+            "current_max_a": float(np.nanmax(current_a)) if np.isfinite(current_a).any() else nan,
+            "limited_percent": 100.0 * float(np.mean(limited)),
+        }
+
+    def _columns(self) -> np.ndarray:
+        return np.array(self._rows).reshape(-1, 6).T
+
+
+def tracking_row(run: PlannedRun, knowledge: WireKnowledge, log_file: Path | None = None) -> Row:
+    """Track the reference of the run, and return its metrics. With `log_file`, also record the run in this log.
+
+    A trip is a result: its row has the status `tripped`. Other errors are raised.
+    """
+    assert run.reference is not None
+    sim = simulated_wire(run)
+    simulated = SimulatedRig(run, _with_or_without_sensor(run, sim), TRACKING)
+    wire = WireModel(knowledge.wire.model, knowledge.wire.heat_balance or simulated.rig.nominal_balance)
+    planned = planned_reference(run.reference, wire, run.documents.rig)
+    series = TickSeries(simulated)
+    row = {**wire_row(sim), **knowledge.row, "smoothed": planned.smoothed}
+    try:
+        loop = _driven(run, simulated, wire, planned, knowledge, series, log_file)
+    except TripError as trip:
+        return {**row, **series.heat_row(), "status": "tripped", "error_type": type(trip).__name__, "error": str(trip)}
+    counts = {"ticks": loop.ticks, "missed_deadlines": loop.missed_deadlines}
+    return {**row, **series.error_row(planned, sim.wire.stroke_mm), **series.heat_row(), **counts}
+
+
+def _driven(
+    run: PlannedRun,
+    simulated: SimulatedRig,
+    wire: WireModel,
+    planned: PlannedReference,
+    knowledge: WireKnowledge,
+    series: TickSeries,
+    log_file: Path | None,
+) -> LoopMetrics:
+    """Run the controller on the simulated rig, and record the run if it has a log."""
+    controller, inverse = controller_of(run, knowledge, wire, planned.reference)
+    with simulated.rig as rig:
+        simulated.plan_disturbance(run.disturbance, planned.reference.scored_from_s)
+        log = nullcontext() if log_file is None else _recorder(log_file, run, rig, planned.reference, wire, inverse)
+        with log as recorder:
+
+            def record(tick: Tick) -> None:
+                series.tick(tick)
+                if recorder is not None:
+                    recorder.tick(tick)
+
+            return rig.drive(controller, wire.balance, record, wire.model)
+
+
+def _recorder(
+    log_file: Path, run: PlannedRun, rig: Rig, reference: Reference, wire: WireModel, inverse: DisplacementInverse
+) -> TickRecorder:
+    """Create the log of a tracking run, and return its recorder."""
+    title = f"run {run.number} of a campaign: {run.settings.controller}, {dict(run.levels)}"
+    seed = str(run.settings.seed)
+    return record_tracking(log_file, rig, reference, wire.model, wire.balance, inverse, seed=seed, title=title)
+
+
+def _with_or_without_sensor(run: PlannedRun, sim: SimConfig) -> SimConfig:
+    return sim if run.settings.displacement_sensor else sim.model_copy(update={"displacement": None})

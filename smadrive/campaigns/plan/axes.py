@@ -1,0 +1,133 @@
+"""The axes of a campaign: which settings vary, with which values, and the names of these values in the table."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from glob import glob
+from math import prod
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from smadrive.campaigns.plan.config import AxisConfig, GridConfig
+from smadrive.errors import ConfigError
+from smadrive.files.config import validate
+
+MOST_RUNS = 1_000_000
+"""The largest number of runs of a campaign. Even short runs of this number take days on a large cluster."""
+
+Level = int | float | str | bool
+"""A value in a column of the table of results."""
+
+
+class Axis(NamedTuple):
+    """One axis: its column, the values of this column, and the settings that belong to each value, by their paths.
+
+    `is_sample` is True for random wires and repeats: their values are a sample, and the report does not compare them.
+    """
+
+    name: str
+    levels: tuple[Level, ...]
+    settings: tuple[Mapping[str, Any], ...]
+    is_sample: bool = False
+
+
+def axes_of(configs: tuple[AxisConfig, ...], seed: int, folder: Path) -> tuple[Axis, ...]:
+    """Return the axes. `seed` is the seed of the campaign; patterns of file names are relative to `folder`.
+
+    ConfigError for an axis without values, for lists of different lengths, for values that need labels, for two axes of
+    one name, and for more than `MOST_RUNS` combinations.
+    """
+    axes = tuple(_axis(config, seed, folder, f"[[vary]] {n}") for n, config in enumerate(configs, 1))
+    names = [axis.name for axis in axes]
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigError(f"two axes are called '{name}'", where="[[vary]]", cure='write name = "…" at one of them')
+    count = prod(len(axis.levels) for axis in axes)
+    if count > MOST_RUNS:
+        sizes = " x ".join(f"{len(axis.levels)} ({axis.name})" for axis in axes)
+        raise ConfigError(
+            "the campaign has too many runs",
+            where="[[vary]]",
+            value=f"{sizes} = {count}",
+            limit=MOST_RUNS,
+            cure="give fewer values, or take random wires instead of a grid",
+        )
+    return axes
+
+
+def _axis(config: AxisConfig, seed: int, folder: Path, where: str) -> Axis:
+    lists = dict(_lists(config.model_extra or {}, where))
+    is_sample = config.random_wires is not None or config.repeats is not None
+    if config.random_wires is not None:
+        _check_size(config.random_wires, where)
+        lists["wire.seed"] = list(range(seed, seed + config.random_wires))
+    if config.repeats is not None:
+        _check_size(config.repeats, where)
+        lists["seed"] = list(range(seed, seed + config.repeats))
+    if config.records is not None:
+        lists["record"] = _files(config.records, folder, where)
+    if not lists or not all(lists.values()):
+        raise ConfigError("nothing varies on this axis", where=where, cure="give a setting of [run] a list of values")
+    lengths = {path: len(values) for path, values in lists.items()}
+    if len(set(lengths.values())) > 1:
+        text = ", ".join(f"{path}: {length}" for path, length in lengths.items())
+        cure = "give each list the same number of values, or put the lists into two [[vary]] tables to combine them"
+        raise ConfigError("lists of different lengths", where=where, value=text, cure=cure)
+    first, values = next(iter(lists.items()))
+    settings = tuple(dict(zip(lists, combined, strict=True)) for combined in zip(*lists.values(), strict=True))
+    return Axis(config.name or first, _levels(config, values, folder, where), settings, is_sample)
+
+
+def _check_size(number: int, where: str) -> None:
+    if number > MOST_RUNS:
+        raise ConfigError("too many values", where=where, value=number, limit=MOST_RUNS, cure="give fewer values")
+
+
+def _lists(table: Mapping[str, Any], where: str, path: str = "") -> Iterator[tuple[str, list[Any]]]:
+    """Yield (path, values) for each list or grid in a tree of tables. ConfigError for a value that is neither."""
+    for key, value in table.items():
+        name = f"{path}.{key}" if path else key
+        if isinstance(value, Mapping) and "number" in value:
+            yield name, _grid(validate(dict(value), GridConfig, f"{where}: {name}"), f"{where}: {name}")
+        elif isinstance(value, Mapping):
+            yield from _lists(value, where, name)
+        elif isinstance(value, list):
+            yield name, value
+        else:
+            cure = f"write a list, or move the key to [run]: {name} = [{value!r}]"
+            raise ConfigError("not a list of values", where=f"{where}: {name}", value=value, cure=cure)
+
+
+def _grid(grid: GridConfig, where: str) -> list[float]:
+    """Return the values of a grid, each rounded to six digits."""
+    _check_size(grid.number, where)
+    space = np.geomspace if grid.spacing == "logarithmic" else np.linspace
+    return [float(f"{value:.6g}") for value in space(grid.low, grid.high, grid.number)]
+
+
+def _files(pattern: str, folder: Path, where: str) -> list[str]:
+    found = sorted(glob(str(folder / pattern), recursive=True))  # noqa: PTH207 (a pattern may be an absolute path)
+    if not found:
+        raise ConfigError("no file has a name of this pattern", where=f"{where}: records", value=str(folder / pattern))
+    return [str(Path(path).absolute()) for path in found]
+
+
+def _levels(config: AxisConfig, values: list[Any], folder: Path, where: str) -> tuple[Level, ...]:
+    """Return the texts or numbers that stand for the values in the table."""
+    if config.labels is not None:
+        if len(config.labels) != len(values):
+            raise ConfigError(
+                "as many labels as values are needed", where=where, value=len(config.labels), limit=len(values)
+            )
+        return config.labels
+    plain = [os.path.relpath(value, folder) for value in values] if config.records is not None else values
+    if not all(isinstance(value, Level) for value in plain):
+        cure = 'name the values: labels = ["…", "…"]'
+        raise ConfigError("values that are lists or tables need labels", where=where, cure=cure)
+    if len(set(plain)) < len(plain):
+        raise ConfigError("a value is given twice", where=where, value=str(plain), cure="remove one of the two")
+    kinds = {str if isinstance(value, str) else float for value in plain}
+    return tuple(plain) if len(kinds) == 1 else tuple(map(str, plain))

@@ -1,0 +1,206 @@
+"""The campaign file: the settings of its runs, the axes, references, disturbances, and the report.
+
+    title = "Tracking error over noise and wires"
+    seed = 1
+    [run]                                   # the settings of every run
+    reference = "slow sine"
+    [[vary]]                                # an axis: its lists go together
+    sim.thermocouple.noise_c = [0.05, 0.1, 0.2]
+    [[vary]]                                # another axis: axes are combined
+    random_wires = 50
+    [references."slow sine"]
+    shape = "sine:period_s=56"
+
+The campaign has a run for each combination of the axes.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import ConfigDict, Field, model_validator
+
+from smadrive.files.config import Section, load_config
+from smadrive.files.kinds import CAMPAIGN
+from smadrive.files.shipped import config_file
+from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, FitSettings
+from smadrive.runs.record_fit import INPUT, OUTPUT
+
+Experiment = Literal["track", "identify", "fit"]
+ControllerName = Literal["inverse", "duhem-inverse", "plain-map", "feedback-only"]
+
+NO_DISTURBANCE = "none"
+"""The name of a disturbance that does nothing."""
+
+MAIN_METRICS: dict[Experiment, str] = {"track": "rms_percent", "identify": "fit_rms_percent", "fit": "fit_rms_percent"}
+"""The metric that the report shows, unless the file names another one."""
+
+
+class WireSettings(Section):
+    """The simulated wire.
+
+    Without `diameter_mm` it is the wire of the sim file. With `diameter_mm` it is a Flexinol wire from published data,
+    and its data sheet replaces the wire file of the rig. With `seed` it is a random wire around this nominal wire.
+    `kind` is the kind of hysteresis of the random wire; without `kind` it is random too.
+    """
+
+    diameter_mm: float | None = Field(default=None, gt=0)
+    length_m: float = Field(default=0.3, gt=0)
+    alloy: Literal["LT", "HT"] = "LT"
+    seed: int | None = Field(default=None, ge=0)
+    kind: Literal["duhem", "two-component", "preisach"] | None = None
+
+
+class FitConfig(Section):
+    """The kind of model to identify, and its size. `input` and `output` are the columns of a CSV record."""
+
+    kind: Literal["tsfuzzy", "duhem"] = "tsfuzzy"
+    sets: int = Field(default=FUZZY_SETS, ge=3, le=99)
+    memory: int | None = Field(default=None, ge=1)
+    components: int = Field(default=DUHEM_COMPONENTS, ge=1, le=6)
+    input: str = INPUT
+    output: str = OUTPUT
+
+    def settings(self) -> FitSettings:
+        """Return the settings of the identification."""
+        return FitSettings(self.kind, self.sets, self.memory, self.components)
+
+
+class RunSettings(Section):
+    """The settings of one run.
+
+    experiment            track: excite, identify and track; identify: excite and identify; fit: fit a record
+    rig, sim              `file` names a rig file and a sim file; the other keys replace keys of these files. The
+                          devices of a rig are replaced by name: [run.rig.devices.NAME]
+    model                 a model file: track with this wire model, without excitation
+    record                a log or a CSV file, for the experiment `fit`
+    controller            inverse; duhem-inverse; plain-map; feedback-only
+    reference             a name under [references]
+    disturbance           a name under [disturbances], or none
+    displacement_sensor   False: the tracking run has no displacement sensor; the excitation always has one
+    seed                  seed of the sensors' noise; by default the seed of the campaign
+    """
+
+    experiment: Experiment = "track"
+    rig: dict[str, Any] = Field(default_factory=dict)
+    sim: dict[str, Any] = Field(default_factory=dict)
+    wire: WireSettings = WireSettings()
+    fit: FitConfig = FitConfig()
+    model: str | None = None
+    record: str | None = None
+    controller: ControllerName = "inverse"
+    reference: str | None = None
+    disturbance: str = NO_DISTURBANCE
+    displacement_sensor: bool = True
+    seed: int | None = Field(default=None, ge=0)
+
+
+class AxisConfig(Section):
+    """A table of [[vary]]. Each further key is the path of a setting of `[run]`, with a list of its values or
+    with a grid (see `GridConfig`), such as {low = 0.1, high = 0.4, number = 7}.
+
+    name           name of the column in the table of results; by default the first path
+    labels         texts for the values; needed if a value is a table
+    random_wires   this number of random wires, with the seeds after the seed of the campaign
+    repeats        this number of runs that differ only in the seed of the noise
+    records        a pattern of file names, such as "reel/*.h5"; one run per file
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    name: str | None = None
+    labels: tuple[str, ...] | None = None
+    random_wires: int | None = Field(default=None, ge=1)
+    repeats: int | None = Field(default=None, ge=1)
+    records: str | None = None
+
+
+class GridConfig(Section):
+    """`number` values from `low` to `high`, in place of a list of values."""
+
+    low: float
+    high: float
+    number: int = Field(ge=2)
+    spacing: Literal["linear", "logarithmic"] = "linear"
+
+    @model_validator(mode="after")
+    def _is_possible(self) -> Self:
+        if self.low == self.high:
+            raise ValueError(f"low and high are equal ({self.low:g}): write two different ends")
+        if self.spacing == "logarithmic" and not (self.low > 0 and self.high > 0):
+            raise ValueError("a logarithmic grid needs ends above 0")
+        return self
+
+
+class ReferenceConfig(Section):
+    """A displacement reference: a shape, or a CSV file with `time_s` and `displacement_mm` or `phase`.
+
+    A shape without `low_mm` and `high_mm` moves between the shares `low` and `high` of the identified travel. A phase
+    is a share of this travel. With `smooth`, the run tracks the nearest reference that the wire can follow.
+    """
+
+    shape: str | None = None
+    file: str | None = None
+    low: float = Field(default=0.2, ge=0, le=1)
+    high: float = Field(default=0.8, ge=0, le=1)
+    smooth: bool = True
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if (self.shape is None) == (self.file is None):
+            raise ValueError('a reference needs either shape = "sine:period_s=56" or file = "FILE.csv"')
+        if self.low == self.high:
+            raise ValueError(f"low and high are equal ({self.low:g}): write two different shares of the travel")
+        return self
+
+
+class DisturbanceConfig(Section):
+    """A fault or a change of the simulated bench. Its further keys are the parameters of this fault.
+
+    It begins `at_s` after the approach of the reference, or at a random time in the range `between_s`.
+    """
+
+    model_config = ConfigDict(extra="allow")
+
+    name: str
+    at_s: float | None = Field(default=None, ge=0)
+    between_s: tuple[float, float] | None = None
+
+    @model_validator(mode="after")
+    def _one_time(self) -> Self:
+        if (self.at_s is None) == (self.between_s is None):
+            raise ValueError(f"'{self.name}' needs either at_s = 10.0 or between_s = [5.0, 60.0]")
+        if self.between_s is not None and not 0.0 <= self.between_s[0] < self.between_s[1]:
+            raise ValueError(f"between_s = {list(self.between_s)} of '{self.name}' must increase from 0 or more")
+        return self
+
+
+class ReportConfig(Section):
+    """The content of the report.
+
+    metric       the column that is ranked and summarized
+    by           columns whose values make the rows of the summary; by default the axes, without random wires
+    worst_logs   number of worst runs whose logs are kept
+    """
+
+    metric: str | None = None
+    by: tuple[str, ...] | None = None
+    worst_logs: int = Field(default=5, ge=0, le=100)
+
+
+class CampaignConfig(Section):
+    """The content of a campaign file."""
+
+    title: str
+    seed: int = Field(default=0, ge=0, le=2**32 - 1)
+    run: RunSettings = RunSettings()
+    vary: tuple[AxisConfig, ...] = ()
+    references: dict[str, ReferenceConfig] = Field(default_factory=dict)
+    disturbances: dict[str, tuple[DisturbanceConfig, ...]] = Field(default_factory=dict)
+    report: ReportConfig = ReportConfig()
+
+
+def load_campaign(name: str | Path) -> CampaignConfig:
+    """Load a campaign file. `name` is a path or the name of a shipped file. ConfigError names file, key and cure."""
+    return load_config(config_file(name, CAMPAIGN), CampaignConfig)

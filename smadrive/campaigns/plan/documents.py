@@ -1,0 +1,128 @@
+"""The rig, the nominal simulated wire and its data sheet, as the settings of a run describe them.
+
+A run changes single keys of a rig file and of a sim file. The changed content is checked like a file, so an unknown key
+or an impossible value is found before the campaign starts.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from functools import lru_cache
+from math import pi
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from firmware_sim.config import SimConfig
+from firmware_sim.physics.flexinol import AMBIENT_C, DENSITY_KG_PER_M3, flexinol
+from smadrive.campaigns.plan.config import RunSettings, WireSettings
+from smadrive.errors import ConfigError
+from smadrive.files.config import read_toml, validate
+from smadrive.files.kinds import RIG, SIM, WIRE
+from smadrive.files.shipped import config_file
+from smadrive.rig.config import RigConfig
+from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
+
+RIG_FILE, SIM_FILE = "in-process", "flexinol-lt-0.15mm"
+"""The rig and the simulated wire of a run that names none."""
+
+SERIAL_NUMBER = 1
+"""The serial number of every simulated board. A random number would make two equal runs different."""
+
+
+class RunDocuments(NamedTuple):
+    """The content of the files of one run. `sim` is the nominal wire, before `settings.wire.seed` makes it random."""
+
+    rig: RigConfig
+    sim: SimConfig
+    data_sheet: WireDataSheet
+
+
+def documents_of(settings: RunSettings, folder: Path) -> RunDocuments:
+    """Return the documents of a run. Paths are relative to `folder`, the folder of the campaign file.
+
+    ConfigError for a missing file, an unknown key and an impossible value.
+    """
+    nominal = settings.wire.model_copy(update={"seed": None, "kind": None})
+    return _documents(_text(settings.rig), _text(settings.sim), nominal, folder)
+
+
+def changed_sim(sim: SimConfig, changes: Mapping[str, Any]) -> SimConfig:
+    """Return the simulated wire with the keys `changes` replaced, and with a fixed serial number."""
+    board = {"board": {"serial_number": SERIAL_NUMBER}}
+    kept = {key: value for key, value in changes.items() if key != "file"}
+    return validate(merged(sim.model_dump(exclude_none=True), merged(board, kept)), SimConfig, "[run.sim]")
+
+
+def merged(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return `table` with `changes`. Tables are merged, and other values are replaced."""
+    result = dict(table)
+    for key, value in changes.items():
+        before = result.get(key)
+        if isinstance(value, Mapping) and isinstance(before, Mapping):
+            result[key] = merged(before, value)
+        elif isinstance(value, Mapping) and isinstance(before, list | tuple):
+            result[key] = _merged_by_name(before, value, key)
+        else:
+            result[key] = value
+    return result
+
+
+def _merged_by_name(tables: list[Any] | tuple[Any, ...], changes: Mapping[str, Any], key: str) -> list[Any]:
+    """Return the list of named tables, each merged with the changes under its name."""
+    names = [table["name"] for table in tables if isinstance(table, Mapping) and "name" in table]
+    if unknown := [name for name in changes if name not in names]:
+        cure = f"write one of {', '.join(names)}"
+        raise ConfigError("no table has this name", where=f"[run.rig] {key}", value=unknown[0], cure=cure)
+    return [merged(table, changes.get(table["name"], {})) for table in tables]
+
+
+def _text(changes: Mapping[str, Any]) -> str:
+    return json.dumps(changes, sort_keys=True)
+
+
+@lru_cache(maxsize=1024)
+def _documents(rig_text: str, sim_text: str, wire: WireSettings, folder: Path) -> RunDocuments:
+    rig, sim = _rig(json.loads(rig_text), folder), _sim(json.loads(sim_text), wire, folder)
+    return RunDocuments(rig, sim, _data_sheet(wire, sim, rig.wire))
+
+
+def _rig(changes: dict[str, Any], folder: Path) -> RigConfig:
+    path = file_path(changes.pop("file", RIG_FILE), folder, RIG)
+    return validate(merged(read_toml(path), changes), RigConfig, f"[run.rig] {path}").in_folder(path.parent)
+
+
+def _sim(changes: dict[str, Any], wire: WireSettings, folder: Path) -> SimConfig:
+    if wire.diameter_mm is None:
+        path = file_path(changes.pop("file", SIM_FILE), folder, SIM)
+        return changed_sim(validate(read_toml(path), SimConfig, str(path)), changes)
+    if "file" in changes:
+        cure = "remove one of the two: `wire.diameter_mm` replaces the sim file"
+        raise ConfigError("two wires", where="[run]", value="sim.file and wire.diameter_mm", cure=cure)
+    return changed_sim(flexinol(wire.diameter_mm, wire.length_m, wire.alloy), changes)
+
+
+def _data_sheet(wire: WireSettings, sim: SimConfig, wire_file: str) -> WireDataSheet:
+    """Return the data sheet of the nominal wire: that of the rig, or the published data of a wire by its diameter."""
+    if wire.diameter_mm is None:
+        return load_data_sheet(str(config_file(wire_file, WIRE)))
+    diameter_m, heat = 1e-3 * wire.diameter_mm, sim.wire
+    mass_kg = DENSITY_KG_PER_M3 * 0.25 * pi * diameter_m**2 * wire.length_m
+    return WireDataSheet(
+        name=f"Flexinol {wire.alloy} {wire.diameter_mm:g} mm x {1e3 * wire.length_m:g} mm",
+        diameter_mm=wire.diameter_mm,
+        length_mm=1e3 * wire.length_m,
+        resistance_ohm_per_m=heat.resistance_cold_ohm / wire.length_m,
+        resistance_change=heat.resistance_change,
+        density_kg_per_m3=DENSITY_KG_PER_M3,
+        specific_heat_j_per_kg_k=heat.heat_capacity_j_per_k / mass_kg,
+        latent_heat_j_per_kg=heat.latent_heat_j_per_kg,
+        convection_w_per_m2_k=heat.loss_w_per_k / (pi * diameter_m * wire.length_m),
+        ambient_c=AMBIENT_C,
+        thermocouple_lag_s=sim.thermocouple.lag_s,
+    )
+
+
+def file_path(name: str, folder: Path, kind: Any) -> Path:
+    """Return the path of a file: relative to `folder` if the name ends in .toml, otherwise of the shipped file."""
+    return config_file(str(folder / name) if name.endswith(".toml") else name, kind)

@@ -1,0 +1,200 @@
+"""The runs of a campaign, in their order, with the files that they read.
+
+The order is that of the axes, the last axis fastest. So runs of one wire follow each other where the wire is an early
+axis. The number of a run is its place in this order, and the table is sorted by it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import prod
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from smadrive.campaigns.plan.axes import Axis, Level, axes_of
+from smadrive.campaigns.plan.config import (
+    MAIN_METRICS,
+    NO_DISTURBANCE,
+    CampaignConfig,
+    DisturbanceConfig,
+    ReferenceConfig,
+    RunSettings,
+    load_campaign,
+)
+from smadrive.campaigns.plan.documents import RunDocuments, documents_of
+from smadrive.errors import ConfigError
+from smadrive.files.config import validate
+from smadrive.files.kinds import CAMPAIGN
+from smadrive.files.shipped import config_file
+from smadrive.files.spelling import suggestion_or_list
+
+
+class PlannedRun(NamedTuple):
+    """One run: its number, its values on the axes, and all that a worker needs."""
+
+    number: int
+    levels: Mapping[str, Level]
+    settings: RunSettings
+    documents: RunDocuments
+    reference: ReferenceConfig | None
+    disturbance: tuple[DisturbanceConfig, ...]
+
+
+@dataclass(frozen=True)
+class CampaignPlan:
+    """A campaign file with its axes. `path` is the file, and `text` its content."""
+
+    path: Path
+    text: str
+    config: CampaignConfig
+    axes: tuple[Axis, ...]
+
+    @property
+    def folder(self) -> Path:
+        """The folder to which the paths in the file are relative."""
+        return self.path.parent.absolute()
+
+    @property
+    def count(self) -> int:
+        """The number of runs."""
+        return prod(len(axis.levels) for axis in self.axes)
+
+    @property
+    def metric(self) -> str:
+        """The column that the report shows."""
+        return self.config.report.metric or MAIN_METRICS[self.config.run.experiment]
+
+    @cached_property
+    def _base(self) -> dict[str, Any]:
+        return self.config.run.model_dump(exclude_unset=True)
+
+    def run(self, number: int) -> PlannedRun:
+        """Return the run of this number, counted from 0. ConfigError if its settings are wrong."""
+        changes = [axis.settings[place] for axis, place in zip(self.axes, self._places(number), strict=True)]
+        return self._planned(number, self.run_levels(number), _changed(self._base, changes))
+
+    def run_levels(self, number: int) -> dict[str, Level]:
+        """Return the values of the run of this number on the axes."""
+        return {axis.name: axis.levels[place] for axis, place in zip(self.axes, self._places(number), strict=True)}
+
+    def _places(self, number: int) -> list[int]:
+        """Return the place of the run on each axis."""
+        places = []
+        for axis in reversed(self.axes):
+            number, place = divmod(number, len(axis.levels))
+            places.append(place)
+        return places[::-1]
+
+    def _planned(self, number: int, levels: Mapping[str, Level], table: dict[str, Any]) -> PlannedRun:
+        settings = validate(table, RunSettings, f"{self.path}: [run]")
+        if settings.seed is None:
+            settings = settings.model_copy(update={"seed": self.config.seed})
+        check_complete(settings)
+        disturbances = {NO_DISTURBANCE: (), **self.config.disturbances}
+        reference = settings.reference
+        return PlannedRun(
+            number,
+            levels,
+            _with_paths(settings, self.folder),
+            documents_of(settings, self.folder),
+            None if reference is None else self._reference(_named(reference, self.config.references, "references")),
+            _named(settings.disturbance, disturbances, "disturbances"),
+        )
+
+    def _reference(self, reference: ReferenceConfig) -> ReferenceConfig:
+        if reference.file is None:
+            return reference
+        return reference.model_copy(update={"file": str(self.folder / reference.file)})
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """The digest of the content of the campaign file and of the files that it names.
+
+        Two plans with one fingerprint have the same runs.
+        """
+        digest = hashlib.sha256(self.config.model_dump_json().encode())
+        files: dict[Path, None] = {}
+        for run in self.sample():
+            digest.update(repr((run.levels, run.documents)).encode())
+            files |= dict.fromkeys(_files_of(run))
+        for file in files:
+            digest.update(_content_digest(file))
+        return digest.hexdigest()
+
+    def sample(self) -> Iterator[PlannedRun]:
+        """Yield up to `SAMPLED` runs, evenly spread over the campaign. ConfigError if the settings of one are wrong."""
+        yield from map(
+            self.run, np.unique(np.linspace(0, self.count - 1, min(SAMPLED, self.count), dtype=int)).tolist()
+        )
+
+
+SAMPLED = 1000
+"""Of a large campaign, this number of runs is checked before the campaign starts. A check takes some 0.3 ms."""
+
+
+def load_plan(name: str) -> CampaignPlan:
+    """Return the plan of a campaign file, a path or the name of a shipped file. ConfigError if it is wrong."""
+    path = config_file(name, CAMPAIGN)
+    config = load_campaign(path)
+    return CampaignPlan(
+        path, path.read_text(encoding="utf-8-sig"), config, axes_of(config.vary, config.seed, path.parent)
+    )
+
+
+def check_complete(settings: RunSettings) -> None:
+    """Raise ConfigError for a run whose settings contradict each other, or leave out what the experiment needs."""
+    if settings.experiment == "track" and settings.reference is None:
+        cure = 'write reference = "NAME" in [run], and [references.NAME] with its shape'
+        raise ConfigError('experiment = "track" needs a reference', where="[run]", cure=cure)
+    if settings.experiment == "fit" and settings.record is None:
+        cure = 'write record = "FILE" in [run], or records = "*.h5" in [[vary]]'
+        raise ConfigError('experiment = "fit" needs a record', where="[run]", cure=cure)
+    if settings.model is not None and settings.controller in ("plain-map", "duhem-inverse"):
+        what = f"controller = '{settings.controller}' is fitted to an excitation, and 'model' leaves the excitation out"
+        raise ConfigError(what, where="[run]", cure="remove one of the two keys")
+
+
+def _changed(table: dict[str, Any], changes: list[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the settings with the values of all axes at their paths."""
+    result = table
+    for path, value in (item for change in changes for item in change.items()):
+        result = _with(result, path.split("."), value)
+    return result
+
+
+def _with(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
+    first, *rest = keys
+    inner = table.get(first, {})
+    if rest and not isinstance(inner, Mapping):
+        raise ConfigError("not a table", where=f"[[vary]]: {'.'.join(keys)}", value=str(inner), cure="check the path")
+    return {**table, first: _with(inner, rest, value) if rest else value}
+
+
+def _named(name: str, tables: Mapping[str, Any], kind: str) -> Any:
+    if name not in tables:
+        cure = suggestion_or_list(name, tables) if tables else f"write a table [{kind}.{name}]"
+        raise ConfigError(f"[{kind}] has no table of this name", where="[run]", value=name, cure=cure)
+    return tables[name]
+
+
+def _with_paths(settings: RunSettings, folder: Path) -> RunSettings:
+    """Return the settings with absolute paths of model and record, because a worker has another working folder."""
+    paths = {key: str(folder / value) for key in ("model", "record") if (value := getattr(settings, key)) is not None}
+    return settings.model_copy(update=paths)
+
+
+def _files_of(run: PlannedRun) -> list[Path]:
+    named = (run.settings.model, run.settings.record, run.reference.file if run.reference else None)
+    return [Path(name) for name in named if name is not None]
+
+
+def _content_digest(path: Path) -> bytes:
+    try:
+        return hashlib.sha256(path.read_bytes()).digest()
+    except OSError as error:
+        raise ConfigError("cannot be read", where=path, value=error.strerror, cure="check the path") from None

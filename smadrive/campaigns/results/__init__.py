@@ -1,0 +1,1 @@
+"""The results of a campaign: the table with its units, summaries, sensitivity, plots and page."""

@@ -1,0 +1,106 @@
+"""`smadrive board`: check an `sma-reference` board on the desk, and calibrate it."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from smadrive.cli.output import AsJson, Output
+from smadrive.errors import ConfigError, DataError
+from smadrive.rig.ports.board_calibration import HeldCurrent, calibrate_board_at
+from smadrive.rig.ports.board_check import check_board_at, error_of
+from smadrive.runs.log.reader import read_log
+
+Port = Annotated[str, typer.Argument(help="/dev/ttyUSB0 or rtu+tcp://host:port", metavar="PORT")]
+
+HEADER = ("check", "result", "seen")
+SETTLED = 0.5
+"""The second half of the log is evaluated."""
+STEADY = 0.02
+"""Largest change of the set current in that half, as a share."""
+
+
+class BoardAction(StrEnum):
+    """What to do with the board."""
+
+    CHECK = "check"
+    CALIBRATE = "calibrate"
+
+
+def main(
+    action: Annotated[
+        BoardAction, typer.Argument(help="check: conformance and safety. calibrate: gains of current and voltage.")
+    ],
+    port: Port,
+    log: Annotated[
+        Path | None, typer.Option(help="calibrate: the log of `smadrive heat` at a constant current.", metavar="LOG")
+    ] = None,
+    current_a: Annotated[
+        float | None, typer.Option("--current", min=0.0, help="calibrate: what the ammeter showed, A.")
+    ] = None,
+    voltage_v: Annotated[
+        float | None, typer.Option("--voltage", min=0.0, help="calibrate: what the voltmeter showed, V.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Check the board on PORT, or calibrate it.
+
+    check: the frames of its specification, and the safety checks that need no wire. Disconnect the wire, and connect
+    the thermocouple. The check arms the board for moments, with at most 60 mA. The exit code is 3 if the board answers
+    wrongly, and 4 if it fails a safety check.
+
+    calibrate: gains of the source, the measured current and the measured voltage, from the log of a constant current
+    and what an ammeter and a voltmeter showed. The board keeps the gains. The heater stays off.
+    """
+    output = Output(as_json)
+    given = (log, current_a, voltage_v)
+    if action is BoardAction.CHECK:
+        if given != (None, None, None):
+            raise ConfigError("these options belong to calibrate", where="--log, --current, --voltage")
+        _check(output, port)
+    elif log is None or current_a is None or voltage_v is None:
+        cure = "record the log with `smadrive heat RIG --current 0.3 --for 60`, and give what the multimeters show"
+        raise ConfigError("calibrate needs --log, --current and --voltage", where="board calibrate", cure=cure)
+    else:
+        _calibrate(output, port, _held_current(log, current_a, voltage_v))
+
+
+def _check(output: Output, port: str) -> None:
+    results = []
+    with output.progress("checking the board") as progress:
+        (task,) = progress.task_ids
+        for result in check_board_at(port):
+            results.append(result)
+            progress.update(task, description=result.name)
+    output.table(HEADER, [(one.name, one.verdict, one.detail) for one in results], notes=True)
+    output.result({"port": port, "checks": [one._asdict() for one in results]})
+    if (error := error_of(results, port)) is not None:
+        raise error
+
+
+def _calibrate(output: Output, port: str, held: HeldCurrent) -> None:
+    with output.progress("calibrating the board"):
+        gains = calibrate_board_at(port, held)
+    output.table(("register", "value"), [(name, f"{gain:.4f}") for name, gain in gains.items()])
+    output.say(f"{port}: calibrated, and saved")
+    output.result({"port": port, **gains})
+
+
+def _held_current(path: Path, current_a: float, voltage_v: float) -> HeldCurrent:
+    """Return the means of the settled part of the log, with what the multimeters showed."""
+    log = read_log(path)
+    set_a, shown_a, shown_v = (log.column(name) for name in ("in_force_a", "current_a", "voltage_v"))
+    settled = slice(int(SETTLED * len(set_a)), -1)
+    held = set_a[settled]
+    if len(held) == 0 or held.max() - held.min() > STEADY * held.max():
+        raise DataError(
+            "the current of this log is not constant",
+            where=path,
+            cure="record it with `smadrive heat RIG --current 0.3 --for 60`",
+        )
+    return HeldCurrent(
+        float(held.mean()), float(shown_a[settled].mean()), current_a, float(shown_v[settled].mean()), voltage_v
+    )

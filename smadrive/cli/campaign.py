@@ -1,0 +1,105 @@
+"""`smadrive campaign`: many simulated runs, or many fits, on the cores of this machine or on a Dask cluster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from smadrive.campaigns.execution.cluster import check_dask, local_client, remote_client, threads_of, usable_cores
+from smadrive.cli.output import AsJson, Output
+from smadrive.cli.views.campaign_view import (
+    CampaignView,
+    duration_text,
+    estimate_line,
+    print_summary,
+    result_object,
+)
+from smadrive.errors import ConfigError
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+    from smadrive.campaigns.execution.journal import Journal
+
+
+def main(
+    campaign: Annotated[str, typer.Argument(help="Campaign file (.toml), or the name of a shipped campaign.")],
+    folder: Annotated[
+        Path, typer.Option("--output-dir", "-o", help="Empty folder for the table, the logs and the report.")
+    ],
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Go on with the interrupted campaign in this folder.")
+    ] = False,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Address of a Dask scheduler, such as tcp://host:8786. Its network must be trusted."),
+    ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=1, max=1024, help="Number of worker processes on this machine; by default one per core."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Execute the runs that the file CAMPAIGN describes, and write a table and a report.
+
+    Everything is simulated in virtual time. Ctrl-C ends the command, and --resume goes on with the remaining runs. The
+    same file and seed give the same table, to the last bit, whatever the number of workers.
+    """
+    check_dask()
+    if scheduler is not None and workers is not None:
+        cure = "leave one of the two out: --scheduler uses the workers of that cluster"
+        raise ConfigError("not together with --scheduler", where="--workers", value=workers, cure=cure)
+    _conduct(campaign, folder, Output(as_json), resume=resume, scheduler=scheduler, workers=workers)
+
+
+def _conduct(
+    campaign: str, folder: Path, output: Output, *, resume: bool, scheduler: str | None, workers: int | None
+) -> None:
+    # These modules need the extra `campaign`; the help of the command does not.
+    from smadrive.campaigns.campaign import conduct  # noqa: PLC0415
+    from smadrive.campaigns.checks import check_plan  # noqa: PLC0415
+    from smadrive.campaigns.execution.estimate import check_disk, estimated  # noqa: PLC0415
+    from smadrive.campaigns.execution.journal import Journal  # noqa: PLC0415
+    from smadrive.campaigns.execution.scheduling import groups_of  # noqa: PLC0415
+    from smadrive.campaigns.plan.plan import load_plan  # noqa: PLC0415
+
+    plan = load_plan(campaign)
+    with output.progress("checking the runs"):
+        check_plan(plan)
+    with Journal(folder, plan, resume=resume) as journal, _resumable(journal, plan.count, campaign):
+        with output.progress("estimating time and disk space"):
+            groups = groups_of(plan, set(journal.results))
+            estimate = estimated(plan, groups)
+        check_disk(folder, estimate)
+        with _client(scheduler, workers) as client:
+            threads = threads_of(client)
+            output.say(estimate_line(plan, len(journal.results), estimate, threads))
+            output.say(f"dashboard: {client.dashboard_link}")
+            with CampaignView(plan.count, len(journal.results), output) as view:
+                result = conduct(client, plan, groups, journal, view.finished, view.step)
+    print_summary(output, plan, result)
+    output.say(f"took {duration_text(view.elapsed_s)}")
+    output.result(result_object(plan, result, folder))
+    if (result.table["status"] == "failed").all():
+        first = str(result.table["error"].iloc[0])
+        raise ConfigError("every run failed", where=campaign, value=first, cure="correct the campaign file")
+
+
+def _client(scheduler: str | None, workers: int | None) -> AbstractContextManager[Client]:
+    return local_client(workers or usable_cores()) if scheduler is None else remote_client(scheduler)
+
+
+@contextmanager
+def _resumable(journal: Journal, count: int, campaign: str) -> Iterator[None]:
+    """Add to an interruption or error how many runs are done, and the command that executes the others."""
+    try:
+        yield
+    except BaseException as error:
+        if journal.results:
+            command = f"smadrive campaign {campaign} -o {journal.folder} --resume"
+            error.add_note(f"{len(journal.results)} of {count} runs are done; go on with `{command}`")
+        raise

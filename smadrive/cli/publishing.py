@@ -1,0 +1,137 @@
+"""The option `--publish`: what a command publishes, and what it says about it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from smadrive.cli.output import Output
+from smadrive.display.card import count_text
+from smadrive.rig.config import RigConfig
+from smadrive.rig.rig import Record, Rig
+
+if TYPE_CHECKING:
+    from smadrive.runs.experiments import Watch
+    from smadrive.runs.run_log import TickRecorder
+    from smadrive.telemetry.feed import RunFeed
+    from smadrive.telemetry.publication import Publication
+    from smadrive.tuning.link.shared_memory import SharedWriter
+
+Publish = Annotated[
+    str | None,
+    typer.Option(
+        "--publish",
+        metavar="URL",
+        help="Publish the live values to an MQTT broker: mqtt://USER@HOST:PORT/PREFIX, or mqtts://. "
+        "See docs/telemetry.md.",
+    ),
+]
+
+OFF_BY_MQTT = "`off` from the broker"
+"""The text of a stop by MQTT, as an ending of `stopped by`."""
+
+HEATING = {"run": "tracking", "excite": "exciting", "heat": "heating", "watch": "off"}
+"""The published `mode` of each command while its ticks arrive."""
+
+
+class Publishing:
+    """The publication of a run; without `--publish` its methods change nothing."""
+
+    def __init__(self, feed: RunFeed | None, publication: Publication | None) -> None:
+        self._feed = feed
+        self._publication = publication
+
+    def begin(self, rig: Rig) -> None:
+        """Publish the devices of the open rig. From now on, `off` from the broker stops it if its file permits it."""
+        if self._feed is not None and self._publication is not None:
+            self._feed.begin(rig)
+            self._publication.on_off = lambda: rig.stop.request(OFF_BY_MQTT)
+
+    def watch(self, watch: Watch) -> Watch:
+        """Return a Watch that calls `watch`, and also publishes each tick."""
+        feed = self._feed
+        if feed is None:
+            return watch
+
+        @contextmanager
+        def both(recorder: TickRecorder, duration_s: float) -> Iterator[Record]:
+            with watch(recorder, duration_s) as record:
+                yield each([record, feed.tick])
+
+        return both
+
+    @property
+    def takers(self) -> list[Record]:
+        """The functions that publish a tick: one or none."""
+        return [] if self._feed is None else [self._feed.tick]
+
+    def result(self) -> dict[str, Any]:
+        """Return the counts for `--json`: the key `published`, or no key without `--publish`."""
+        return {} if self._publication is None else {"published": self._publication.counts._asdict()}
+
+
+def each(takers: list[Record]) -> Record:
+    """Return the function that passes each tick to all `takers`."""
+    if len(takers) == 1:
+        return takers[0]
+
+    def record(tick: Any) -> None:
+        for take in takers:
+            take(tick)
+
+    return record
+
+
+@contextmanager
+def publishing(url: str | None, config: RigConfig, command: str, output: Output) -> Iterator[Publishing]:
+    """Publish to the broker at `url` during the `with` block, which opens and closes the rig.
+
+    The end of the block prints how many samples the broker has got. If `url` is None, nothing is published.
+    """
+    if url is None:
+        yield Publishing(None, None)
+        return
+    from smadrive.telemetry.feed import RunFeed  # noqa: PLC0415 (most calls publish nothing)
+    from smadrive.tuning.link.shared_memory import SharedWriter  # noqa: PLC0415
+
+    with (
+        SharedWriter() as writer,
+        published(url, config, command, writer, output) as publication,
+        RunFeed(writer, config, HEATING[command]) as feed,
+    ):
+        yield Publishing(feed, publication)
+
+
+@contextmanager
+def published(url: str, config: RigConfig, command: str, writer: SharedWriter, output: Output) -> Iterator[Publication]:
+    """Publish what `writer` gets during the `with` block. Say whether the broker answers, and at the end the counts."""
+    from smadrive.telemetry.address import parse_address  # noqa: PLC0415
+    from smadrive.telemetry.publication import Publication  # noqa: PLC0415
+
+    publication = Publication(parse_address(url), config, command, writer)
+    with ExitStack() as stack:
+        stack.callback(_say_counts, publication, output)
+        stack.enter_context(publication)
+        _say_connection(publication, output)
+        yield publication
+
+
+def _say_connection(publication: Publication, output: Output) -> None:
+    if publication.wait_for_broker():
+        output.say(f"publishing to {publication.address}")
+    else:
+        reason = publication.counts.trouble or "no answer yet"
+        output.warn([f"{publication.address}: {reason}; the command goes on, and samples wait for the broker"])
+
+
+def _say_counts(publication: Publication, output: Output) -> None:
+    if not publication.has_begun:
+        return
+    counts = publication.counts
+    output.say(
+        f"published: {counts.samples} samples, {counts.dropped} dropped, {counts.waiting} not confirmed, "
+        f"{count_text(counts.connections, 'connection')}"
+    )

@@ -1,0 +1,43 @@
+"""Checks the board at a port: identity, conformance frames, safety checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from smadrive.devices.board_check.checked_board import CheckedBoard
+from smadrive.devices.board_check.conformance import FrameLine, conformance_results
+from smadrive.devices.board_check.result import CheckResult
+from smadrive.devices.board_check.safety_checks import safety_results
+from smadrive.devices.device import Device
+from smadrive.devices.profile.profile import Profile
+from smadrive.modbus.client import ModbusClient
+from smadrive.modbus.transports.transport import Transport
+
+BOOT_MS = 5000.0
+"""Many boards restart when their port is opened. This is the longest time until they answer."""
+PATIENCE_MS = 200.0
+"""Longer than a board may take for a reply, so that the checks also reach a slow one."""
+
+
+def check_board(transport: Transport, profile: Profile) -> Iterator[CheckResult]:
+    """Yield the results of all checks of the board behind `transport`. `profile` is that of map version 2.
+
+    The board is off at the end. IdentityError if the device is another one; DeviceError if a fault stays.
+    """
+    times = {"boot_ms": BOOT_MS, "response_timeout_ms": PATIENCE_MS}
+    patient = profile.model_copy(update={"timing": profile.timing.model_copy(update=times)})
+    device = Device(patient, ModbusClient(transport))
+    device.check_identity()
+    board = CheckedBoard(device)
+    board.make_ready()
+    try:
+        yield from _checked(transport, board)
+    finally:
+        device.enter_safe_state()
+
+
+def _checked(transport: Transport, board: CheckedBoard) -> Iterator[CheckResult]:
+    watchdog_s = board.read("watchdog_s").value  # the conformance frames change it
+    yield from conformance_results(FrameLine(transport), board.make_ready)
+    board.device.write("watchdog_s", watchdog_s)
+    yield from safety_results(board)

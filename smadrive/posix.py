@@ -1,0 +1,68 @@
+"""The modules of Python that only POSIX systems have. Elsewhere every module of smadrive can still be imported.
+
+Models, fits, logs and reports work on every system. What drives a rig needs file locks, terminals, signals between
+processes and inherited descriptors: it calls `check_posix` before anything else, or meets a `MissingModule`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NoReturn
+
+from smadrive.errors import ConfigError
+
+MODULES = ("fcntl", "grp", "pwd", "termios", "tty")
+
+
+class MissingModule:
+    """The place of a module that this system lacks. Each of its attributes raises ConfigError."""
+
+    def __init__(self, name: str) -> None:
+        self.__name__ = name
+
+    def __getattr__(self, attribute: str) -> NoReturn:
+        """Raise ConfigError."""
+        raise _not_posix(f"{self.__name__}.{attribute}")
+
+
+def module_or_missing(name: str) -> object:
+    """Return the module `name` of Python, or a MissingModule."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        return MissingModule(name)
+
+
+if TYPE_CHECKING:
+    import fcntl as fcntl  # noqa: PLC0414 (names of this module)
+    import grp as grp  # noqa: PLC0414
+    import pwd as pwd  # noqa: PLC0414
+    import termios as termios  # noqa: PLC0414
+    import tty as tty  # noqa: PLC0414
+else:
+    globals().update({name: module_or_missing(name) for name in MODULES})
+
+
+def check_posix() -> None:
+    """Raise ConfigError on a system that is not POSIX: a rig cannot be driven there."""
+    if any(isinstance(globals()[name], MissingModule) for name in MODULES):
+        raise _not_posix(", ".join(MODULES))
+
+
+def after_fork_in_child(function: Callable[[], None]) -> None:
+    """Call `function` in every forked child. Systems without fork need no call."""
+    register = getattr(os, "register_at_fork", None)
+    if register is not None:
+        register(after_in_child=function)
+
+
+def _not_posix(needed: str) -> ConfigError:
+    return ConfigError(
+        "driving a rig needs Linux or macOS; models, fits, logs and reports work here, too",
+        where=sys.platform,
+        value=f"no {needed}",
+        cure="drive the rig from Linux; on Windows, WSL 2 is a Linux",
+    )

@@ -1,0 +1,80 @@
+"""The calibration constants of an `sma-reference` board, from what multimeters showed while the board held a current.
+
+    source_gain      <- source_gain  · set / true        the source gave `true` while it was set to `set`
+    current_gain     <- current_gain · true / shown      the board showed `shown`; without the offset
+    voltage_gain     <- voltage_gain · true / shown
+
+The offsets stay. docs/sma-reference.md, "Calibration", has the equations of the board.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from smadrive.devices.device import Device
+from smadrive.devices.profile.profile import load_profile
+from smadrive.devices.state.lock import Role, lock_line
+from smadrive.errors import ConfigError
+from smadrive.modbus.client import ModbusClient
+from smadrive.modbus.transports.connect import open_transport, port_of
+from smadrive.rig.ports.discovery import port_url
+
+PROFILE = "sma-reference:map_version=2"
+GAINS = (0.75, 1.25)
+LEAST_A, LEAST_V = 0.02, 0.5
+"""Below these readings the offsets and the steps of the meters matter too much for a gain."""
+BOOT_MS = 5000.0
+_READ = ("current_gain", "current_offset", "voltage_gain", "voltage_offset", "source_gain", "source_offset")
+
+
+class HeldCurrent(NamedTuple):
+    """A current that the board held: set, shown by the board, and shown by multimeters. In A and V."""
+
+    set_a: float
+    shown_a: float
+    true_a: float
+    shown_v: float
+    true_v: float
+
+
+def new_gains(constants: Mapping[str, float], held: HeldCurrent) -> dict[str, float]:
+    """Return the gains that correct the board, by register. ConfigError if readings are too low, or a gain too far."""
+    if min(held.set_a, held.shown_a, held.true_a) < LEAST_A or min(held.shown_v, held.true_v) < LEAST_V:
+        cure = f"hold at least {LEAST_A:g} A, with at least {LEAST_V:g} V across the resistor"
+        raise ConfigError("the readings are too low for a calibration", value=str(held), cure=cure)
+    offset_a, offset_v = constants["current_offset"], constants["voltage_offset"]
+    gains = {
+        "source_gain": constants["source_gain"] * held.set_a / held.true_a,
+        "current_gain": constants["current_gain"] * (held.true_a - offset_a) / (held.shown_a - offset_a),
+        "voltage_gain": constants["voltage_gain"] * (held.true_v - offset_v) / (held.shown_v - offset_v),
+    }
+    for name, gain in gains.items():
+        if not GAINS[0] <= gain <= GAINS[1]:
+            raise ConfigError(
+                "the gain is too far from 1",
+                where=name,
+                value=f"{gain:.3f}",
+                limit=f"{GAINS[0]:g} to {GAINS[1]:g}",
+                cure="check what the multimeters showed, and the resistors of the board",
+            )
+    return gains
+
+
+def calibrate_board_at(port: str, held: HeldCurrent) -> dict[str, float]:
+    """Write new gains into the board at `port` and save them. Return the gains by register.
+
+    ConfigError for gains that cannot be right; BusyError when the port is in use. ExceptionReply while it is armed.
+    """
+    url, profile = port_url(port), load_profile(PROFILE)
+    patient = profile.model_copy(update={"timing": profile.timing.model_copy(update={"boot_ms": BOOT_MS})})
+    with lock_line(port_of(url), Role.DRIVER), open_transport(url, profile.serial_settings()) as transport:
+        device = Device(patient, ModbusClient(transport))
+        device.check_identity()
+        constants = {name: reading.value for name, reading in device.read(_READ, proved=True).items()}
+        gains = new_gains(constants, held)
+        for name, gain in gains.items():
+            device.write(name, gain)
+        (key,) = profile.register("calibration_save").enum
+        device.write("calibration_save", key)
+        return gains

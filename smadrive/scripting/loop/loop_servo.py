@@ -1,0 +1,172 @@
+"""A servo in the loop process: it holds the wire, and moves it as the script commands while the loop runs.
+
+Every motion is a new reference, whose controller takes over the state of the old one, so the current does not jump.
+Commands are read before each tick; nothing here waits for the script. In virtual time the loop waits for the next
+command when no motion is left: otherwise hours would pass while the script thinks.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from itertools import islice
+from math import inf
+from typing import Protocol
+
+from smadrive.control.controllers.swappable import SwappableController
+from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.tracking import TrackingController
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.loop import Tick
+from smadrive.control.references.holding import holding_reference, moving_reference
+from smadrive.control.references.reference import Reference
+from smadrive.measurement import Measurement
+from smadrive.rig.controllers import tracking_controller
+from smadrive.rig.rig import Record, Rig
+from smadrive.runs.experiments import Watch
+from smadrive.runs.run_log import TickRecorder
+from smadrive.runs.tracking_plan import APPROACH_S
+from smadrive.safety.supervisor import check_thermocouple
+from smadrive.scripting.loop.motions import FollowMotion, MoveMotion
+from smadrive.scripting.loop.servo_messages import (
+    FollowCommand,
+    MotionEnd,
+    MoveCommand,
+    SampleCommand,
+    ServoCommand,
+    ServoReport,
+    StopCommand,
+)
+from smadrive.wire.identified_wire import IdentifiedWire
+
+MOST_TICKS = 4096
+"""Number of ticks that may wait for the script. Older ones are dropped; the log has all of them."""
+
+TICKS_AT_ONCE = 32
+"""Number of ticks in a report. A report is then smaller than the free space of a socket that accepts data."""
+
+NAME = "servo"
+
+
+class ServoLink(Protocol):
+    """The link to the script, as a servo needs it."""
+
+    def next_command(self, servo_id: str, *, waits: bool) -> ServoCommand | None:
+        """Return the next command for a servo. Without one, wait or return None."""
+        ...
+
+    def report(self, report: ServoReport, *, waits: bool) -> bool:
+        """Send a report, and return True. If the script does not read, wait or return False."""
+        ...
+
+
+class LoopServo:
+    """The controller of a servo with `wire`, whose heat balance is that of the rig's wire. Nothing is heated yet."""
+
+    duration_s = inf
+
+    def __init__(self, rig: Rig, wire: IdentifiedWire, servo_id: str, link: ServoLink, *, is_virtual: bool) -> None:
+        self._rig = rig
+        self._wire = wire
+        self._servo_id = servo_id
+        self._link = link
+        self._is_virtual = is_virtual
+        self._motion: MoveMotion | FollowMotion | None = None
+        self._samples: list[int] = []
+        self._ticks: deque[Tick] = deque()
+        self._ended: list[MotionEnd] = []
+        self._dropped = 0
+        self._event: Callable[[str], None] = lambda _text: None
+        measurement = rig.measure()
+        check_thermocouple(measurement)
+        reference = holding_reference(wire.model, measurement)
+        self._swappable = SwappableController(self._controller(reference), reference, lambda: None)
+
+    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
+        """Return the command for the coming period."""
+        return self._swappable.update(time_s, measurement, dt_s)
+
+    def watched(self, watch: Watch) -> Watch:
+        """Return a Watch that calls `watch`, and passes each tick to the servo."""
+
+        @contextmanager
+        def both(recorder: TickRecorder, duration_s: float) -> Iterator[Record]:
+            self._event = recorder.event
+            inner: AbstractContextManager[Record] = watch(recorder, duration_s)
+            with inner as record:
+
+                def take(tick: Tick) -> None:
+                    record(tick)
+                    self._take(tick)
+                    self._send()
+
+                yield take
+
+        return both
+
+    def stop_requested(self) -> bool:
+        """Send reports and carry out commands. Return True after a StopCommand."""
+        self._send()
+        while (command := self._link.next_command(self._servo_id, waits=self._waits)) is not None:
+            match command:
+                case StopCommand():
+                    return True
+                case SampleCommand():
+                    self._samples.append(command.number)
+                case MoveCommand():
+                    self._move(command)
+                case FollowCommand():
+                    self._follow(command)
+        return False
+
+    @property
+    def _waits(self) -> bool:
+        return self._is_virtual and self._motion is None and not self._samples
+
+    def _move(self, command: MoveCommand) -> None:
+        reference = moving_reference(self._swappable.setpoint_mm, command.setpoint_mm, command.speed_mm_per_s)
+        self._begin(MoveMotion(command, reference.scored_from_s), reference)
+        self._event(f"move to {command.setpoint_mm:g} mm with at most {command.speed_mm_per_s:g} mm/s")
+
+    def _follow(self, command: FollowCommand) -> None:
+        reference = command.reference.with_approach(self._swappable.setpoint_mm, APPROACH_S)
+        self._begin(FollowMotion(command._replace(reference=reference)), reference)
+        self._event(f"follow a reference of {command.reference.duration_s:g} s, after {APPROACH_S:g} s of approach")
+
+    def _begin(self, motion: MoveMotion | FollowMotion, reference: Reference) -> None:
+        if self._motion is not None:
+            self._ended += self._motion.superseded()
+        self._motion = motion
+        self._swappable.swap(self._controller(reference), reference)
+
+    def _controller(self, reference: Reference) -> TrackingController:
+        balance, model = self._wire.heat_balance or self._rig.nominal_balance, self._wire.model
+        return tracking_controller(self._rig.config, reference, model, balance, HysteresisInverse(model))
+
+    def _take(self, tick: Tick) -> None:
+        """Note the motions that end with this tick."""
+        if len(self._ticks) == MOST_TICKS:
+            self._ticks.popleft()
+            self._dropped += 1
+        self._ticks.append(tick)
+        self._ended += [MotionEnd(number, None) for number in self._samples]
+        self._samples = []
+        if self._motion is None:
+            return
+        self._ended += self._motion.update(tick, self._swappable.reference_s)
+        if self._motion.is_over:
+            self._motion = None
+
+    def _send(self) -> None:
+        """Send the waiting ticks and ends. The ends come with the last ticks."""
+        while self._ticks or self._ended:
+            ticks = tuple(islice(self._ticks, TICKS_AT_ONCE))
+            is_last = len(ticks) == len(self._ticks)
+            ended = tuple(self._ended) if is_last else ()
+            if not self._link.report(ServoReport(ticks, ended, self._dropped), waits=self._is_virtual):
+                return
+            for _ in ticks:
+                self._ticks.popleft()
+            if is_last:
+                self._ended = []

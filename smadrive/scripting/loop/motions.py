@@ -1,0 +1,84 @@
+"""The motions of a servo in the loop process: each decides from the ticks whether it has ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite
+
+from smadrive.control.loop import Tick
+from smadrive.errors import MotionError
+from smadrive.scripting.loop.servo_messages import FollowCommand, MotionEnd, MoveCommand
+
+
+class MoveMotion:
+    """The motion of a MoveCommand, whose path takes `path_s`. `is_over` is True after its end."""
+
+    def __init__(self, command: MoveCommand, path_s: float) -> None:
+        self._command = command
+        self._path_s = path_s
+        self._within_since_s: float | None = None
+        self.is_over = False
+
+    def update(self, tick: Tick, reference_s: float) -> Iterator[MotionEnd]:
+        """Yield the end of the motion when it is done or has failed. `reference_s` is the time since it began."""
+        command, error_mm = self._command, _displacement_mm(tick) - self._command.setpoint_mm
+        if not abs(error_mm) <= command.tolerance_mm:  # also for NaN
+            self._within_since_s = None
+        elif self._within_since_s is None:
+            self._within_since_s = reference_s
+        since_s = self._within_since_s
+        if since_s is not None and reference_s >= self._path_s and reference_s - since_s >= command.settle_s:
+            self.is_over = True
+            yield MotionEnd(command.number, None)
+        elif reference_s > self._path_s + command.timeout_s:
+            self.is_over = True
+            yield MotionEnd(command.number, self._not_reached(error_mm))
+
+    def superseded(self) -> Iterator[MotionEnd]:
+        """Yield the end of a motion that another motion replaces."""
+        yield MotionEnd(self._command.number, _superseded(f"move to {self._command.setpoint_mm:g} mm"))
+
+    def _not_reached(self, error_mm: float) -> MotionError:
+        command = self._command
+        return MotionError(
+            f"not within the tolerance for {command.settle_s:g} s",
+            where=f"move to {command.setpoint_mm:g} mm",
+            value=f"{error_mm:.4g} mm away after {command.timeout_s:g} s",
+            limit=f"{command.tolerance_mm:g} mm",
+            cure="raise tolerance_mm or timeout_s, or lower speed_mm_per_s; is the model that of this wire?",
+        )
+
+
+class FollowMotion:
+    """The motions of a FollowCommand, whose reference includes the approach. `is_over` is True after the last end."""
+
+    def __init__(self, command: FollowCommand) -> None:
+        self._command = command
+        self._is_begun = False
+        self.is_over = False
+
+    def update(self, _tick: Tick, reference_s: float) -> Iterator[MotionEnd]:
+        """Yield the end of the approach, and the end of the reference. `reference_s` counts from the approach."""
+        reference = self._command.reference
+        if not self._is_begun and reference_s >= reference.scored_from_s:
+            self._is_begun = True
+            yield MotionEnd(self._command.begun_number, None)
+        if reference_s >= reference.duration_s:
+            self.is_over = True
+            yield MotionEnd(self._command.number, None)
+
+    def superseded(self) -> Iterator[MotionEnd]:
+        """Yield the ends of the motions that another motion replaces."""
+        numbers = (self._command.number,) if self._is_begun else (self._command.begun_number, self._command.number)
+        for number in numbers:
+            yield MotionEnd(number, _superseded("reference"))
+
+
+def _displacement_mm(tick: Tick) -> float:
+    """Return the measured displacement, or the estimated one if it is not measured."""
+    measured_mm = tick.measurement.displacement_mm
+    return measured_mm if isfinite(measured_mm) else tick.command.estimated_mm
+
+
+def _superseded(where: str) -> MotionError:
+    return MotionError("another motion has replaced it", where=where, cure="wait until a motion is done")

@@ -1,0 +1,66 @@
+"""The messages between a servo of a script and the loop process: commands, and reports of the loop.
+
+Each command has the number of a motion. The loop reports the end of the motion with this number.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from smadrive.control.loop import Tick
+from smadrive.control.references.reference import Reference
+from smadrive.errors import SmadriveError
+
+
+class MoveCommand(NamedTuple):
+    """Move to `setpoint_mm` with at most `speed_mm_per_s`, and hold it.
+
+    The motion is done when the displacement has stayed within `tolerance_mm` of the setpoint for `settle_s`. It fails
+    when this has not happened `timeout_s` after the end of its path.
+    """
+
+    number: int
+    setpoint_mm: float
+    speed_mm_per_s: float
+    tolerance_mm: float
+    settle_s: float
+    timeout_s: float
+
+
+class FollowCommand(NamedTuple):
+    """Move to the beginning of `reference`, then track it. The motion `begun_number` ends when this begins."""
+
+    number: int
+    begun_number: int
+    reference: Reference
+
+
+class SampleCommand(NamedTuple):
+    """Report the next tick."""
+
+    number: int
+
+
+class StopCommand(NamedTuple):
+    """End the run of the servo at zero current."""
+
+
+ServoCommand = MoveCommand | FollowCommand | SampleCommand | StopCommand
+
+
+class MotionEnd(NamedTuple):
+    """The end of a motion; `error` is None if it has reached its end."""
+
+    number: int
+    error: SmadriveError | None
+
+
+class ServoReport(NamedTuple):
+    """The latest ticks, and the motions that have ended with the last of them.
+
+    `dropped` is the number of ticks that could not be sent since the servo began, because the script did not read.
+    """
+
+    ticks: tuple[Tick, ...]
+    ended: tuple[MotionEnd, ...]
+    dropped: int

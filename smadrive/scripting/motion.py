@@ -1,0 +1,72 @@
+"""A motion of a servo as a script sees it: it is under way, done or failed."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+
+from smadrive.errors import MotionError
+
+
+class Motion:
+    """A motion, or the wait for a fresh measurement. All methods may be called from any thread.
+
+        servo.move(4.0).wait()
+
+    It has the methods of a bluesky Status.
+    """
+
+    def __init__(self, what: str) -> None:
+        self._what = what
+        self._is_over = threading.Event()
+        self._mutex = threading.Lock()
+        self._callbacks: list[Callable[[Motion], None]] = []
+        self._error: BaseException | None = None
+
+    @property
+    def done(self) -> bool:
+        """True after the end of the motion, whether it has reached its end or has failed."""
+        return self._is_over.is_set()
+
+    @property
+    def success(self) -> bool:
+        """True if the motion has reached its end."""
+        return self.done and self._error is None
+
+    def exception(self, timeout: float | None = 0.0) -> BaseException | None:
+        """Return the error of a failed motion, or None. MotionError if it has not ended after `timeout` seconds.
+
+        If `timeout` is None, wait without a limit.
+        """
+        if not self._is_over.wait(timeout):
+            cure = "wait longer"
+            raise MotionError("is still under way", where=self._what, value=f"{timeout:g} s", cure=cure)
+        return self._error
+
+    def wait(self, timeout: float | None = None) -> None:
+        """Wait for the end of the motion. Raise its error if it has failed, or MotionError after `timeout` seconds."""
+        error = self.exception(timeout)
+        if error is not None:
+            raise error
+
+    def add_callback(self, callback: Callable[[Motion], None]) -> None:
+        """Call `callback` with this motion when it ends; now, if it has ended already."""
+        with self._mutex:
+            if not self.done:
+                self._callbacks.append(callback)
+                return
+        callback(self)
+
+    def finish(self, error: BaseException | None = None) -> None:
+        """End the motion; with an error, it has failed. Only the first call has an effect."""
+        with self._mutex:
+            if self.done:
+                return
+            self._error = error
+            self._is_over.set()
+        for callback in self._callbacks:
+            callback(self)
+
+    def __repr__(self) -> str:
+        state = "under way" if not self.done else "done" if self._error is None else f"failed: {self._error}"
+        return f"Motion({self._what}, {state})"

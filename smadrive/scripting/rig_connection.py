@@ -1,0 +1,103 @@
+"""The connection of a script to its loop process and to the rig that this process has opened."""
+
+from __future__ import annotations
+
+import sys
+import weakref
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from smadrive.display.ascii_text import ascii_text
+from smadrive.display.card import card
+from smadrive.errors import ConfigError
+from smadrive.rig.config import RigConfig
+from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
+from smadrive.scripting.loop.loop_client import LoopClient
+from smadrive.scripting.loop.messages import CloseRequest, OpenedRig, OpenRequest
+from smadrive.scripting.servo import Servo
+
+
+class RigConnection:
+    """Opens the rig of `config` in a new loop process. A context manager that switches the heater off at its end.
+
+    `quantities` are those that the rig measures, such as "displacement".
+    """
+
+    def __init__(self, config: RigConfig) -> None:
+        self.config = config
+        self._servo: Servo | None = None
+        self._client = LoopClient()
+        self._finalizer = weakref.finalize(self, self._client.end)
+        try:
+            opened: OpenedRig = self._client.call(OpenRequest(config, tuple(sys.path)))
+        except BaseException:
+            self._finalizer()
+            raise
+        self._identities, self.is_virtual, self.quantities = opened
+
+    def __enter__(self) -> Self:
+        """Return the open rig."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the rig. An error in the `with` block is raised again, and a failure to close becomes its note."""
+        if error is None:
+            self.close()
+            return
+        try:
+            self.close()
+        except Exception as lost:  # noqa: BLE001 (the outcome becomes a note of the error that is raised)
+            carry(error, shutdown_of(lost) or ShutdownOutcome(lost))
+
+    @property
+    def is_open(self) -> bool:
+        """True until `close` is called."""
+        return self._finalizer.alive
+
+    def close(self) -> None:
+        """Switch off and end the loop process. Raises an error if that is unconfirmed, or after `smadrive off`."""
+        if not self.is_open:
+            return
+        try:
+            if self._servo is not None and self._servo.is_running:
+                self._servo.stop()
+            if not self._client.is_end_raised:
+                self._client.call(CloseRequest())
+        finally:
+            self._finalizer()
+
+    def _call(self, request: Any) -> Any:
+        self._check_free()
+        return self._client.call(request)
+
+    def _check_open(self) -> None:
+        if not self.is_open:
+            raise ConfigError("the rig is closed", where=f"rig '{self.config.name}'", cure="open it again")
+
+    def _check_free(self) -> None:
+        """Raise ConfigError if the rig is closed, or if a servo uses it."""
+        self._check_open()
+        if self._servo is not None and self._servo.is_running:
+            where, cure = f"rig '{self.config.name}'", "call stop() of the servo first"
+            raise ConfigError("a servo uses the rig", where=where, cure=cure)
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Return the main facts: names and values with units."""
+        limits = self.config.limits
+        return [
+            *((f"device {name}", identity) for name, identity in self._identities.items()),
+            ("wire", Path(self.config.wire).name.removesuffix(".toml")),
+            ("rate", f"{self.config.rate_hz:g} Hz{' in virtual time' if self.is_virtual else ''}"),
+            ("limits", f"{limits.current_max_a:g} A, {limits.temperature_max_c:g} °C"),
+            ("state", (self._client.ending or "open, heater off") if self.is_open else "closed"),
+        ]
+
+    def __repr__(self) -> str:
+        facts = ", ".join(f"{name} {value}" for name, value in self.facts())
+        return ascii_text(f"{type(self).__name__}({self.config.name}, {facts})")
+
+    def _repr_html_(self) -> str:
+        return card(f"Rig: {self.config.name}", self.facts())

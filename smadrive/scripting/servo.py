@@ -1,0 +1,242 @@
+"""A servo: the wire is held, and moves to setpoints that the script gives while the loop runs."""
+
+from __future__ import annotations
+
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from functools import cached_property
+from itertools import count
+from math import isfinite
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from smadrive.control.loop import Tick
+from smadrive.control.references.holding import PEAK
+from smadrive.control.references.reference import Reference
+from smadrive.errors import ConfigError, MotionError
+from smadrive.measurement import Measurement
+from smadrive.numerics.scalars import real_number
+from smadrive.runs.log.reader import read_log
+from smadrive.scripting.arguments import check_displacement_within, travel_limits_mm
+from smadrive.scripting.loop.loop_client import LoopClient
+from smadrive.scripting.loop.messages import DrivenRun, ServoRequest
+from smadrive.scripting.loop.servo_messages import (
+    FollowCommand,
+    MoveCommand,
+    SampleCommand,
+    ServoCommand,
+    ServoReport,
+    StopCommand,
+)
+from smadrive.scripting.motion import Motion
+from smadrive.scripting.run import Run
+from smadrive.wire.identified_wire import IdentifiedWire
+
+MOVE_S = 10.0
+"""Duration of a move through the whole travel, at the default speed."""
+
+TOLERANCE = 0.01
+"""The default tolerance of a move, as a share of the travel."""
+
+STOPS_WITHIN_S = 30.0
+"""The loop process is killed if it has not ended the run after this time. All tries to switch off need less time."""
+
+
+class Servo:
+    """Holds the wire from now on, and moves it. A context manager that ends at zero current, confirmed by read-back.
+
+        with rig.servo(wire) as servo:
+            servo.move(4.0).wait()
+            print(servo.measurement)
+
+    The run is supervised and recorded in a log like every run. After a trip, all motions fail with its error. `takers`
+    are called with each tick, in another thread. `dropped` is the number of ticks that this process missed. `limits`
+    are the smallest and the greatest displacement that the wire can reach, in mm.
+    """
+
+    def __init__(self, client: LoopClient, wire: IdentifiedWire, log_file: Path) -> None:
+        self.log_file = log_file
+        self.takers: list[Callable[[Tick], None]] = []
+        self.dropped = 0
+        self.limits = travel_limits_mm(wire)
+        self._client = client
+        self._id = secrets.token_hex(8)
+        self._numbers = count(1)
+        self._motions: dict[int, Motion] = {}
+        self._mutex = threading.Lock()
+        self._is_over = False
+        self._latest: Tick | None = None
+        self._driven: DrivenRun | None = None
+        self._error: BaseException | None = None
+        self._began_unix_s = 0.0
+        client.on_report = self._receive
+        request = ServoRequest(self._id, log_file.absolute(), wire)
+        self._thread = threading.Thread(target=self._run, args=(request,), name="servo", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        """Return this servo."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the run at zero current. The error of the run is raised, unless the `with` block has raised it."""
+        self._end()
+        if self._error is not None and self._error is not error:
+            raise self._error
+
+    @property
+    def is_running(self) -> bool:
+        """True until the run has ended."""
+        return self._thread.is_alive()
+
+    @property
+    def error(self) -> BaseException | None:
+        """The error that has ended the run, or None."""
+        return self._error
+
+    @property
+    def tick(self) -> Tick | None:
+        """The latest tick; None before the first one."""
+        return self._latest
+
+    @property
+    def measurement(self) -> Measurement:
+        """The latest measurement; waits for the first one. MotionError when the run ends before."""
+        if self._latest is None:
+            self.sample().wait()
+        assert self._latest is not None
+        return self._latest.measurement
+
+    def unix_s(self, tick: Tick) -> float:
+        """Return the time of a tick since 1970-01-01 UTC, in s."""
+        return self._began_unix_s + tick.time_s
+
+    def move(
+        self,
+        displacement_mm: float,
+        *,
+        speed_mm_per_s: float | None = None,
+        tolerance_mm: float | None = None,
+        settle_s: float = 1.0,
+        timeout_s: float = 30.0,
+    ) -> Motion:
+        """Move the wire smoothly to a displacement, and hold it there.
+
+        The motion is done when the displacement has stayed within `tolerance_mm` for `settle_s`. The default is
+        `TOLERANCE` times the travel. The motion fails `timeout_s` after the end of its path. Without `speed_mm_per_s`,
+        the greatest speed, a move through the whole travel takes `MOVE_S`. ConfigError for a displacement outside the
+        travel, and for numbers that are not possible.
+        """
+        speed, tolerance = default_speed_and_tolerance(self.limits)
+        numbers = {
+            "speed_mm_per_s": speed if speed_mm_per_s is None else speed_mm_per_s,
+            "tolerance_mm": tolerance if tolerance_mm is None else tolerance_mm,
+            "settle_s": settle_s,
+            "timeout_s": timeout_s,
+        }
+        checked = [_positive(value, name, may_be_zero=name == "settle_s") for name, value in numbers.items()]
+        setpoint_mm = real_number(displacement_mm, "displacement_mm")
+        check_displacement_within(setpoint_mm, self.limits)
+        return self._command(f"move to {setpoint_mm:g} mm", lambda number: MoveCommand(number, setpoint_mm, *checked))
+
+    def follow(self, reference: Reference) -> tuple[Motion, Motion]:
+        """Move to the beginning of a reference and track it. Return the approach and the whole motion.
+
+        ConfigError for a reference that leaves the travel, or has no end.
+        """
+        reference.check_within(self.limits)
+        if not isfinite(reference.duration_s):
+            raise ConfigError("has no end", where="reference", cure="give it a number of cycles")
+        begun_number, approach = self._motion("approach to the reference")
+        return approach, self._command("reference", lambda number: FollowCommand(number, begun_number, reference))
+
+    def sample(self) -> Motion:
+        """Return a motion that ends with the next tick: `tick` is then fresh."""
+        return self._command("next sample", SampleCommand)
+
+    def stop(self) -> None:
+        """End the run at zero current, confirmed by read-back. Raises the error that has ended the run."""
+        self.__exit__(None, None, None)
+
+    @cached_property
+    def run(self) -> Run:
+        """The run, after its end. MotionError while the servo runs."""
+        if self.is_running:
+            raise MotionError("still runs", where="servo", cure="stop it first")
+        return Run(read_log(self.log_file), self._driven)
+
+    def __repr__(self) -> str:
+        return f"Servo({self.log_file}, {'running' if self.is_running else 'ended'})"
+
+    def _command(self, what: str, command_of: Callable[[int], ServoCommand]) -> Motion:
+        number, motion = self._motion(what)
+        self._client.command(self._id, command_of(number))
+        return motion
+
+    def _motion(self, what: str) -> tuple[int, Motion]:
+        """Return a new motion and its number. The motion has failed already if the run has ended."""
+        motion = Motion(what)
+        with self._mutex:
+            number = next(self._numbers)
+            if not self._is_over:
+                self._motions[number] = motion
+                return number, motion
+        motion.finish(self._error or _ended())
+        return number, motion
+
+    def _end(self) -> None:
+        self._client.command(self._id, StopCommand())
+        self._thread.join(STOPS_WITHIN_S)
+        if self._thread.is_alive():
+            self._client.kill()
+            self._thread.join()
+
+    def _run(self, request: ServoRequest) -> None:
+        """Wait for the end of the run, and end all motions that are left."""
+        try:
+            self._driven = self._client.call(request)
+        except BaseException as error:  # noqa: BLE001 (raised by `stop`, and by each motion)
+            self._error = error
+        finally:
+            with self._mutex:
+                left, self._is_over = list(self._motions.values()), True
+                self._motions.clear()
+            for motion in left:
+                motion.finish(self._error or _ended())
+
+    def _receive(self, report: ServoReport) -> None:
+        """Take a report, in the thread of the link."""
+        self.dropped = report.dropped
+        if self._latest is None and report.ticks:
+            self._began_unix_s = time.time() - report.ticks[-1].time_s
+        for tick in report.ticks:
+            self._latest = tick
+            for take in tuple(self.takers):
+                take(tick)
+        for number, error in report.ended:
+            with self._mutex:
+                motion = self._motions.pop(number, None)
+            if motion is not None:
+                motion.finish(error)
+
+
+def _ended() -> MotionError:
+    return MotionError("the run has ended", where="servo", cure="start the servo again")
+
+
+def default_speed_and_tolerance(limits_mm: tuple[float, float]) -> tuple[float, float]:
+    """Return the default `speed_mm_per_s` and `tolerance_mm` of a move of a wire with this travel."""
+    travel = limits_mm[1] - limits_mm[0]
+    return PEAK * travel / MOVE_S, TOLERANCE * travel
+
+
+def _positive(value: object, name: str, *, may_be_zero: bool) -> float:
+    number = real_number(value, name)
+    if not (number > 0.0 or (may_be_zero and number == 0.0)) or not isfinite(number):
+        raise ConfigError("not possible", where=name, value=number, cure="give a positive number")
+    return number

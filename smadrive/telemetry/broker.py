@@ -1,0 +1,93 @@
+"""The connection to an MQTT broker. This module alone imports paho-mqtt.
+
+A thread of paho connects, reconnects and moves the bytes, so no method waits. The session of the broker is clean: what
+the broker did not confirm is sent again by paho after a reconnection (QoS 1, at least once).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from paho.mqtt.client import Client, MQTTMessage, MQTTMessageInfo
+from paho.mqtt.enums import CallbackAPIVersion
+
+from smadrive.telemetry.address import BrokerAddress, tls_context
+
+QOS = 1
+KEEPALIVE_S = 5
+"""A broker that is silent for about twice this time counts as lost."""
+
+RETRY_S = (1, 5)
+"""Shortest and longest pause between two attempts to connect."""
+
+IN_FLIGHT = 100
+"""Number of messages that may wait for their confirmation."""
+
+
+class Broker:
+    """A connection that is made in the background. `connections` counts the times at which it was made.
+
+    `will` is the topic and the text that the broker publishes when this program is lost. A message at the topic
+    `command` calls `on_command`; a retained one does not, because it is older than this connection.
+    """
+
+    def __init__(
+        self,
+        address: BrokerAddress,
+        client_id: str,
+        will: tuple[str, str],
+        command: str | None,
+        on_command: Callable[[], None],
+    ) -> None:
+        self.connections = 0
+        self.trouble = ""
+        self._command = command
+        self._on_command = on_command
+        self._client = Client(CallbackAPIVersion.VERSION2, client_id=client_id)
+        self._client.will_set(*will, qos=QOS, retain=True)
+        self._client.reconnect_delay_set(*RETRY_S)
+        self._client.max_inflight_messages_set(IN_FLIGHT)
+        if address.user is not None:
+            self._client.username_pw_set(address.user, address.password)
+        if address.tls:
+            self._client.tls_set_context(tls_context(address))
+        self._client.on_connect = self._connected
+        self._client.on_connect_fail = self._failed
+        self._client.on_disconnect = self._disconnected
+        self._client.on_message = self._received
+        self._client.connect_async(address.host, address.port, keepalive=KEEPALIVE_S)
+        self._client.loop_start()
+
+    @property
+    def is_connected(self) -> bool:
+        """True while the broker answers, as far as it is known."""
+        return self._client.is_connected()
+
+    def publish(self, topic: str, payload: str, *, retain: bool = False) -> MQTTMessageInfo:
+        """Queue a message. Its `is_published()` is True when the broker has confirmed it."""
+        return self._client.publish(topic, payload, QOS, retain)
+
+    def close(self) -> None:
+        """Disconnect, so that the broker does not publish the will, and end the thread."""
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def _connected(self, client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        if reason.is_failure:
+            self.trouble = str(reason)
+            return
+        if self._command is not None:
+            client.subscribe(self._command, QOS)
+        self.trouble = ""
+        self.connections += 1
+
+    def _failed(self, _client: Client, _data: Any) -> None:
+        self.trouble = "the broker cannot be reached"
+
+    def _disconnected(self, _client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
+        self.trouble = self.trouble or f"disconnected: {reason}"
+
+    def _received(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
+        if not message.retain:
+            self._on_command()

@@ -1,0 +1,59 @@
+"""The publisher process: it moves rows and status from shared memory to the broker until the driver ends.
+
+At the end of the driver it sends what is left, for at most `DRAIN_S`.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from smadrive.telemetry.address import BrokerAddress
+from smadrive.telemetry.broker import Broker
+from smadrive.telemetry.counters import PublisherCounters
+from smadrive.telemetry.publisher import Publisher
+from smadrive.telemetry.schema import GONE, topic_of
+from smadrive.tuning.link.child import is_input_closed, report_ready, run
+from smadrive.tuning.link.shared_memory import SharedReader
+
+LOOK_S = 0.05
+"""Period at which new rows are looked for: one tick at 20 Hz."""
+
+BUSY_S = 0.01
+"""This period while more rows wait than may be in flight."""
+
+DRAIN_S = 2.0
+
+
+def serve(parameters: dict[str, Any]) -> None:
+    """Publish until standard input ends, then publish the end."""
+    counters = PublisherCounters(parameters["counters_fd"])
+    prefix, rig = parameters["prefix"], parameters["rig"]
+
+    def count_off() -> None:
+        counters["offs"] += 1
+
+    broker = Broker(
+        BrokerAddress(**parameters["address"]),
+        parameters["client_id"],
+        (topic_of(prefix, rig, "driver"), GONE),
+        topic_of(prefix, rig, "off") if parameters["may_switch_off"] else None,
+        count_off,
+    )
+    reader = SharedReader(parameters["memory_fd"])
+    publisher = Publisher(reader, counters, broker, prefix=prefix, rig=rig, command=parameters["command"])
+    report_ready()
+    while not is_input_closed(BUSY_S if publisher.is_behind else LOOK_S):
+        publisher.step()
+    give_up_s = time.monotonic() + DRAIN_S
+    while not publisher.is_done and time.monotonic() < give_up_s:
+        publisher.step()
+        time.sleep(BUSY_S)
+    last = publisher.finish()
+    while not last.is_published() and time.monotonic() < give_up_s:
+        time.sleep(BUSY_S)
+    broker.close()
+
+
+if __name__ == "__main__":
+    run(serve)

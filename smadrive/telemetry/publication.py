@@ -1,0 +1,132 @@
+"""The publisher of a command: its process, its counts, and `off` from the broker.
+
+The loop only writes into shared memory. The publisher process has a lower priority, and may die: it is restarted and
+goes on with the first sample that the broker has not confirmed.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import secrets
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict
+from types import TracebackType
+from typing import NamedTuple, Self
+
+from smadrive.errors import ConfigError
+from smadrive.rig.config import RigConfig
+from smadrive.telemetry.address import BrokerAddress
+from smadrive.telemetry.counters import PublisherCounters
+from smadrive.tuning.link.shared_memory import SharedReader, SharedWriter
+from smadrive.tuning.link.supervised_process import SupervisedProcess
+
+NICENESS = 5
+LOOK_S = 0.05
+"""Period at which `off` from the broker is looked for, s."""
+
+CONNECTS_WITHIN_S = 2.0
+
+
+class PublisherCounts(NamedTuple):
+    """The counts of a publication. `trouble` is the reason why the broker is not connected, or empty."""
+
+    samples: int
+    dropped: int
+    waiting: int
+    connections: int
+    trouble: str
+
+
+class Publication:
+    """Publishes what `writer` gets to a broker; a context manager. ConfigError when paho-mqtt is not installed.
+
+    `command` is the name of the command for the subscribers. `off` from the broker calls `on_off` once it is set, and
+    only if the rig file has `off_by_mqtt = true`.
+    """
+
+    def __init__(self, address: BrokerAddress, config: RigConfig, command: str, writer: SharedWriter) -> None:
+        _check_paho()
+        self.address = address
+        self.on_off: Callable[[], None] | None = None
+        self._config = config
+        self._command = command
+        self._writer = writer
+        self._reader = SharedReader(writer.memory_fd)
+        self._is_ending = threading.Event()
+
+    def __enter__(self) -> Self:
+        """Start the publisher process."""
+        with ExitStack() as stack:
+            self._counters = stack.enter_context(PublisherCounters.created())
+            self._publisher = stack.enter_context(self._process())
+            if self._config.off_by_mqtt:
+                watcher = threading.Thread(target=self._watch_off, name="off by MQTT", daemon=True)
+                watcher.start()
+                stack.callback(watcher.join)
+                stack.callback(self._is_ending.set)
+            self._on_exit = stack.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End the process, which first sends what is left."""
+        self._on_exit.__exit__(kind, error, trace)
+
+    @property
+    def pid(self) -> int:
+        """The id of the publisher process, which changes with a restart."""
+        return self._publisher.pid
+
+    @property
+    def has_begun(self) -> bool:
+        """True if the publisher process was started."""
+        return hasattr(self, "_on_exit")
+
+    @property
+    def counts(self) -> PublisherCounts:
+        """The present counts."""
+        counters, written = self._counters, self._reader.written
+        confirmed, dropped = counters["confirmed_to"], counters["dropped"]
+        return PublisherCounts(
+            confirmed - dropped, dropped, written - confirmed, counters["connections"], counters.trouble
+        )
+
+    def wait_for_broker(self) -> bool:
+        """Wait until the broker is connected, at most `CONNECTS_WITHIN_S`. Call this before the loop begins."""
+        give_up_s = time.monotonic() + CONNECTS_WITHIN_S
+        while not self._counters["is_connected"] and time.monotonic() < give_up_s:
+            time.sleep(LOOK_S)
+        return bool(self._counters["is_connected"])
+
+    def _process(self) -> SupervisedProcess:
+        fds = {"memory_fd": self._writer.memory_fd, "counters_fd": self._counters.memory_fd}
+        parameters = {
+            **fds,
+            "address": asdict(self.address),
+            "prefix": self.address.prefix,
+            "rig": self._config.name,
+            "command": self._command,
+            "client_id": f"smadrive-{secrets.token_hex(6)}",
+            "may_switch_off": self._config.off_by_mqtt,
+        }
+        return SupervisedProcess("smadrive.telemetry.process", parameters, tuple(fds.values()), niceness=NICENESS)
+
+    def _watch_off(self) -> None:
+        while not self._is_ending.wait(LOOK_S):
+            if self._counters["offs"] and self.on_off is not None:
+                self.on_off()
+                return
+
+
+def _check_paho() -> None:
+    if importlib.util.find_spec("paho") is None:
+        raise ConfigError(
+            "needs paho-mqtt",
+            where="--publish",
+            cure=f"install it with `{sys.executable} -m pip install 'smadrive[mqtt]'`",
+        )

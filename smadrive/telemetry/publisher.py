@@ -1,0 +1,175 @@
+"""Publishes the rows and the status of a loop from shared memory, in a process of its own.
+
+The ring of rows is the queue: what the broker has not confirmed stays in the ring, and the oldest rows are overwritten
+if the broker is away for too long. These rows are counted as dropped. At most `IN_FLIGHT` samples are handed to the
+connection at a time, so the memory of the process does not grow. Retained messages are sent when they change, and all
+of them again after a reconnection: a broker that was restarted may have forgotten them.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import deque
+from typing import Any, Protocol
+
+from smadrive.telemetry.counters import PublisherCounters
+from smadrive.telemetry.schema import (
+    ENDED,
+    GONE,
+    ONLINE,
+    VERSION,
+    faults_message,
+    sample_message,
+    schema_document,
+    state_message,
+    topic_of,
+)
+from smadrive.tuning.link.shared_memory import SharedReader
+
+IN_FLIGHT = 100
+COUNTS_S = 5.0
+"""Period of the topic `publisher`, s."""
+
+
+class Confirmation(Protocol):
+    """The confirmation of a message, which may still be outstanding."""
+
+    def is_published(self) -> bool:
+        """Return True if the broker has confirmed the message."""
+        ...
+
+
+class Connection(Protocol):
+    """A connection to a broker; see broker.py."""
+
+    connections: int
+    trouble: str
+
+    @property
+    def is_connected(self) -> bool:
+        """True while the broker answers."""
+        ...
+
+    def publish(self, topic: str, payload: str, *, retain: bool = False) -> Confirmation:
+        """Queue a message, without waiting."""
+        ...
+
+
+class Publisher:
+    """Moves rows and status to the broker with each call of `step`, which does not wait."""
+
+    def __init__(
+        self,
+        reader: SharedReader,
+        counters: PublisherCounters,
+        broker: Connection,
+        *,
+        prefix: str,
+        rig: str,
+        command: str,
+    ) -> None:
+        self._reader = reader
+        self._counters = counters
+        self._broker = broker
+        self._place = prefix, rig
+        self._command = command
+        self._next = counters["confirmed_to"]
+        self._outstanding: deque[tuple[int, int, Confirmation]] = deque()
+        self._version = -1
+        self._status: dict[str, Any] = {}
+        self._sent: dict[str, str] = {}
+        self._connections = 0
+        self._connections_before = counters["connections"]
+        self._counts_due_s = 0.0
+
+    def step(self) -> None:
+        """Publish what is new, as far as the connection permits."""
+        self._read_status()
+        self._confirm()
+        is_new = self._note_connection()
+        if self._broker.is_connected and not is_new:
+            self._publish_retained()
+            self._publish_samples()
+
+    @property
+    def is_done(self) -> bool:
+        """True if the broker has confirmed every sample."""
+        return self._next >= self._reader.written and not self._outstanding
+
+    @property
+    def is_behind(self) -> bool:
+        """True if the broker is connected, and more samples wait than may be in flight."""
+        return self._broker.is_connected and self._reader.written - self._next > IN_FLIGHT
+
+    def finish(self) -> Confirmation:
+        """Publish the end: ENDED if the driver has ended its command, otherwise GONE."""
+        self._counts_due_s = 0.0
+        self.step()
+        return self._publish("driver", GONE if self._status.get("end") is None else ENDED, retain=True)
+
+    def _read_status(self) -> None:
+        status = self._reader.status(self._version)
+        if status is not None:
+            self._version, self._status = status
+
+    def _note_connection(self) -> bool:
+        """After a connection, forget which retained messages the broker has got, and return True.
+
+        The connection then repeats its unconfirmed messages. Newer ones must wait until the next step: otherwise an
+        older state could arrive last.
+        """
+        is_new = self._broker.connections != self._connections
+        if is_new:
+            self._connections = self._broker.connections
+            self._sent.clear()
+            self._counters["connections"] = self._connections_before + self._connections
+        self._counters["is_connected"] = self._broker.is_connected
+        self._counters.trouble = "" if self._broker.is_connected else self._broker.trouble
+        return is_new
+
+    def _confirm(self) -> None:
+        """Count the samples that the broker has confirmed, and the rows that were dropped before them."""
+        while self._outstanding and self._outstanding[0][2].is_published():
+            number, dropped, _ = self._outstanding.popleft()
+            self._counters["dropped"] += dropped
+            self._counters["confirmed_to"] = number + 1
+
+    def _publish_retained(self) -> None:
+        self._publish_change("driver", ONLINE)
+        self._publish_change("schema", json.dumps(schema_document()))
+        if self._status:
+            self._publish_change("state", json.dumps(state_message(self._status, self._command)))
+            self._publish_change("faults", json.dumps(faults_message(self._status)))
+        if time.monotonic() >= self._counts_due_s:
+            self._counts_due_s = time.monotonic() + COUNTS_S
+            self._publish_change("publisher", json.dumps(self._counts()))
+
+    def _publish_change(self, message: str, payload: str) -> None:
+        if self._sent.get(message) != payload:
+            self._sent[message] = payload
+            self._publish(message, payload, retain=True)
+
+    def _publish_samples(self) -> None:
+        """Hand new rows to the connection, each with the number of rows that were overwritten before it."""
+        began_unix_s = self._status.get("began_unix_s")
+        if began_unix_s is None:
+            return
+        numbers, rows = self._reader.rows(self._next, IN_FLIGHT - len(self._outstanding))
+        for number, row in zip(numbers.tolist(), rows.tolist(), strict=True):
+            message = json.dumps(sample_message(number, began_unix_s, row))
+            self._outstanding.append((number, number - self._next, self._publish("sample", message)))
+            self._next = number + 1
+
+    def _publish(self, message: str, payload: str, *, retain: bool = False) -> Confirmation:
+        return self._broker.publish(topic_of(*self._place, message), payload, retain=retain)
+
+    def _counts(self) -> dict[str, int]:
+        counters, written = self._counters, self._reader.written
+        return {
+            "schema": VERSION,
+            "samples": counters["confirmed_to"] - counters["dropped"],
+            "dropped": counters["dropped"],
+            "waiting": written - counters["confirmed_to"],
+            "connections": counters["connections"],
+        }

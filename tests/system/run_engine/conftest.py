@@ -1,0 +1,66 @@
+"""A run engine, a wire as its device, and the documents of a run, validated by event-model."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+bluesky = pytest.importorskip("bluesky", reason="needs bluesky (extra `test`)")
+
+from bluesky.run_engine import RunEngine  # noqa: E402
+from event_model import DocumentNames, schema_validators  # noqa: E402
+
+import smadrive  # noqa: E402
+from smadrive.bluesky import SmaWire  # noqa: E402
+from smadrive.wire.identified_wire import load_wire  # noqa: E402
+
+
+class Documents:
+    """The documents of the runs, by their kind. Each was valid when it arrived."""
+
+    def __init__(self):
+        self.found = []
+
+    def __call__(self, name, document):
+        kind = DocumentNames[name]
+        schema_validators[kind].validate(document)
+        self.found.append((name, document))
+
+    def of(self, kind):
+        return [document for name, document in self.found if name == kind]
+
+    def events(self):
+        """The data of all events; those of event pages, too."""
+        rows = [event["data"] for event in self.of("event")]
+        for page in self.of("event_page"):
+            rows += [
+                dict(zip(page["data"], values, strict=True)) for values in zip(*page["data"].values(), strict=True)
+            ]
+        return rows
+
+
+@pytest.fixture(scope="session")
+def engine():
+    return RunEngine({})
+
+
+@pytest.fixture
+def documents(engine):
+    found = Documents()
+    token = engine.subscribe(found)
+    yield found
+    engine.unsubscribe(token)
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    before = Path.cwd()
+    os.chdir(tmp_path_factory.mktemp("logs"))
+    with smadrive.open_rig("in-process") as opened:
+        yield opened
+    os.chdir(before)
+
+
+@pytest.fixture
+def wire(rig, identified):
+    return SmaWire(rig, load_wire(identified.wire_file), name="wire", tolerance_mm=0.2)

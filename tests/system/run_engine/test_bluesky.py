@@ -1,0 +1,183 @@
+"""A wire under a real run engine: protocols, scan, fly, pause, abort, trips, and documents read back."""
+
+from math import isnan
+from threading import Timer
+
+import numpy as np
+import pytest
+from bluesky import plan_stubs as bps
+from bluesky import plans as bp
+from bluesky import preprocessors as bpp
+from bluesky import protocols
+from bluesky.simulators import check_limits
+from bluesky.utils import FailedStatus, RunEngineInterrupted
+
+import smadrive
+from smadrive.bluesky import SmaWire
+from smadrive.errors import ConfigError, SafetyError, TripError
+from smadrive.rig.config import load_rig
+
+PROTOCOLS = (
+    *("Readable", "Movable", "NamedMovable", "Locatable", "Triggerable", "Stoppable", "Configurable", "Stageable"),
+    *("Flyable", "EventCollectable", "Checkable", "HasHints", "HasName", "HasParent", "Pausable", "Preparable"),
+)
+SINE = smadrive.sine(low_mm=3, high_mm=7, period_s=20, cycles=1)
+
+
+def is_off(rig, wire):
+    """True if no servo runs, no current flows, and the last one of the log is zero."""
+    return rig.measure().current_a < 0.01 and not wire._servo.is_running
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_protocol_is_followed(wire, name):
+    assert isinstance(wire, getattr(protocols, name))
+
+
+def test_status_of_a_motion_is_one_of_bluesky(wire):
+    assert isinstance(wire.trigger(), protocols.Status)
+    assert set(wire.read()) == set(wire.describe())
+    assert set(wire.read_configuration()) == set(wire.describe_configuration())
+    assert wire.hints == {"fields": ["wire_displacement_mm"]}
+    assert wire.describe()["wire_temperature_c"]["units"] == "degC"
+    assert isnan(wire.read()["wire_setpoint_mm"]["value"])
+    assert wire.locate()["readback"] == wire.read()["wire_displacement_mm"]["value"]
+
+
+def test_scan_over_displacement(engine, documents, rig, wire):
+    engine(bp.scan([], wire, 2.0, 8.0, 4))
+    assert is_off(rig, wire)
+    (start,), (stop,), (descriptor,) = documents.of("start"), documents.of("stop"), documents.of("descriptor")
+    assert (start["plan_name"], stop["exit_status"], stop["num_events"]) == ("scan", "success", {"primary": 4})
+    assert descriptor["hints"]["wire"] == wire.hints
+    assert descriptor["configuration"]["wire"]["data"]["wire_tolerance_mm"] == 0.2
+    assert descriptor["configuration"]["wire"]["data"]["wire_log_file"] == wire.log_file
+    rows = documents.events()
+    assert [row["wire_setpoint_mm"] for row in rows] == [2.0, 4.0, 6.0, 8.0]
+    np.testing.assert_allclose([row["wire_displacement_mm"] for row in rows], [2.0, 4.0, 6.0, 8.0], atol=0.2)
+
+
+def test_count_heats_nothing(engine, documents, rig, wire):
+    engine(bp.count([wire], 3))
+    assert wire._servo is None
+    rows = documents.events()
+    assert len(rows) == 3
+    assert all(row["wire_current_a"] < 0.01 for row in rows)
+
+
+def test_limits_are_checked_before_the_plan(wire):
+    check_limits(bp.scan([], wire, 2.0, 8.0, 4))
+    with pytest.raises(ConfigError):
+        check_limits(bp.scan([], wire, 2.0, 80.0, 4))
+    with pytest.raises(ConfigError):
+        wire.set(80.0)
+
+
+def test_flight_yields_an_event_for_each_tick(engine, documents, rig, wire):
+    wire.prepare(SINE)
+    engine(bpp.stage_wrapper(bp.fly([wire]), [wire]))
+    assert is_off(rig, wire)
+    rows = documents.events()
+    assert len(rows) == pytest.approx(20.0 * 20.0, abs=3)
+    setpoints_mm = [row["wire_setpoint_mm"] for row in rows]
+    assert (min(setpoints_mm), max(setpoints_mm)) == pytest.approx((3.0, 7.0), abs=0.01)
+    assert documents.of("descriptor")[0]["name"] == "wire_fly"
+    times_s = [time_s for page in documents.of("event_page") for time_s in page["timestamps"]["wire_displacement_mm"]]
+    assert len(times_s) == len(rows)
+    np.testing.assert_allclose(np.diff(times_s), 0.05, atol=0.005)
+
+
+def test_flight_needs_a_stage_and_a_reference(rig, wire):
+    with pytest.raises(ConfigError, match="no reference"):
+        wire.kickoff()
+    with pytest.raises(ConfigError):
+        wire.prepare(smadrive.sine(low_mm=3, high_mm=70, period_s=20))
+    wire.prepare(SINE)
+    with pytest.raises(ConfigError, match="staged"):
+        wire.kickoff()
+    with pytest.raises(ConfigError, match="nothing flies"):
+        wire.complete()
+
+
+def paused_scan(wire):
+    """A scan that pauses itself at its second point, with the heater on."""
+
+    @bpp.stage_decorator([wire])
+    @bpp.run_decorator()
+    def plan():
+        yield from bps.mv(wire, 4.0)
+        yield from bps.trigger_and_read([wire])
+        yield from bps.checkpoint()
+        yield from bps.mv(wire, 6.0)
+        yield from bps.pause() if not is_paused.pop() else bps.null()
+        yield from bps.trigger_and_read([wire])
+
+    is_paused = [True, False]
+    return plan()
+
+
+def test_pause_switches_off_and_resume_moves_again(engine, documents, rig, wire):
+    with pytest.raises(RunEngineInterrupted):
+        engine(paused_scan(wire))
+    assert engine.state == "paused"
+    assert is_off(rig, wire)
+    engine.resume()
+    rows = documents.events()
+    np.testing.assert_allclose([row["wire_displacement_mm"] for row in rows], [4.0, 6.0], atol=0.2)
+    assert documents.of("stop")[0]["exit_status"] == "success"
+    assert is_off(rig, wire)
+
+
+def test_abort_while_heating_ends_at_zero_current(engine, documents, rig, wire):
+    with pytest.raises(RunEngineInterrupted):
+        engine(paused_scan(wire))
+    engine.abort("test")
+    assert documents.of("stop")[0]["exit_status"] == "abort"
+    assert is_off(rig, wire)
+
+
+def test_abort_of_a_flight_ends_at_zero_current(engine, documents, rig, wire):
+    @bpp.stage_decorator([wire])
+    @bpp.run_decorator()
+    def plan():
+        yield from bps.prepare(wire, SINE, wait=True)
+        yield from bps.kickoff(wire, wait=True)
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        engine(plan())
+    assert is_off(rig, wire)
+    assert documents.of("stop")[0]["exit_status"] == "fail"
+
+
+def test_interruption_during_a_move_ends_at_zero_current(engine, documents, rig, wire):
+    """The move never settles, so the interruption comes while the wire is heated."""
+    wire.configure(tolerance_mm=1e-6, timeout_s=1e6)
+    Timer(0.5, engine.request_pause).start()
+    with pytest.raises(RunEngineInterrupted):
+        engine(bp.scan([], wire, 4.0, 8.0, 2))
+    assert is_off(rig, wire)
+    engine.abort()
+    assert is_off(rig, wire)
+
+
+def test_trip_is_a_failed_status(engine, documents, identified):
+    config = load_rig("in-process")
+    limits = config.limits.model_copy(update={"displacement_max_mm": 6.0})
+    with smadrive.open_rig(config.model_copy(update={"limits": limits})) as rig:
+        wire = SmaWire(rig, identified.wire_file, tolerance_mm=0.2)
+        with pytest.raises(FailedStatus) as failed:
+            engine(bp.scan([], wire, 4.0, 8.0, 2))
+        assert isinstance(failed.value.args[0].exception(), TripError)
+        assert documents.of("stop")[0]["exit_status"] == "fail"
+        assert is_off(rig, wire)
+        assert isinstance(wire.set(4.0).exception(None), SafetyError)
+        wire.stop()
+        rig.clear_faults()
+
+
+def test_configuration_changes(wire):
+    before, after = wire.configure(settle_s=2.0)
+    assert (before["wire_settle_s"]["value"], after["wire_settle_s"]["value"]) == (1.0, 2.0)
+    with pytest.raises(ConfigError):
+        wire.configure(settle=2.0)

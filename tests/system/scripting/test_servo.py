@@ -1,0 +1,145 @@
+"""A servo holds the wire and moves it to setpoints that the script gives while the loop runs."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import smadrive
+from smadrive.errors import ConfigError, MotionError, SafetyError, TripError
+from smadrive.rig.config import load_rig
+from smadrive.safety.shutdown import shutdown_of
+from smadrive.wire.identified_wire import load_wire
+
+
+@pytest.fixture(scope="module")
+def wire(identified):
+    return load_wire(identified.wire_file)
+
+
+@pytest.fixture
+def servo(rig, wire, tmp_path):
+    with rig.servo(wire, tmp_path / "servo.h5") as running:
+        yield running
+
+
+def test_wire_moves_from_setpoint_to_setpoint(servo):
+    for setpoint_mm in (2.0, 8.0, 5.0):
+        motion = servo.move(setpoint_mm, tolerance_mm=0.2, settle_s=1.0)
+        motion.wait()
+        assert motion.success
+        settled = servo.tick
+        assert abs(settled.measurement.displacement_mm - setpoint_mm) < 0.2
+        assert settled.command.setpoint_mm == setpoint_mm
+    servo.sample().wait()
+    assert servo.tick.time_s == pytest.approx(settled.time_s + 0.05)
+    servo.stop()
+    assert not servo.is_running
+    run = servo.run
+    assert (run.trips, run.ticks, run.missed_deadlines) == (0, len(run["time_s"]), 0)
+    steps_mm = np.abs(np.diff(run["setpoint_mm"][5:]))
+    assert steps_mm.max() < 0.2
+    assert [event.message.partition(" with")[0] for event in run.log.events if "move" in event.message] == [
+        "move to 2 mm",
+        "move to 8 mm",
+        "move to 5 mm",
+    ]
+
+
+def test_reference_is_followed_after_its_approach(servo):
+    ticks = []
+    servo.takers.append(ticks.append)
+    approach, whole = servo.follow(smadrive.sine(low_mm=3, high_mm=7, period_s=20, cycles=1))
+    approach.wait()
+    whole.wait()
+    assert (approach.success, whole.success, servo.dropped) == (True, True, 0)
+    times_s = [tick.time_s for tick in ticks]
+    assert all(0.0 < later - earlier < 0.06 for earlier, later in pairwise(times_s))
+    assert times_s[-1] - times_s[0] == pytest.approx(30.0, abs=0.2)
+    assert max(tick.command.setpoint_mm for tick in ticks) == pytest.approx(7.0, abs=0.01)
+
+
+def test_newer_motion_replaces_an_older_one(servo):
+    older, newer = servo.move(3.0), servo.move(4.0)
+    newer.wait()
+    assert isinstance(older.exception(), MotionError)
+    approach, whole = servo.follow(smadrive.sine(low_mm=3, high_mm=7, period_s=20))
+    servo.move(4.0).wait()
+    assert isinstance(approach.exception(), MotionError)
+    assert isinstance(whole.exception(), MotionError)
+
+
+def test_setpoint_that_is_not_reached_is_an_error(servo):
+    motion = servo.move(4.0, tolerance_mm=1e-6, timeout_s=3.0)
+    with pytest.raises(MotionError) as failed:
+        motion.wait()
+    assert failed.value.limit == "1e-06 mm"
+    servo.move(4.5).wait()
+
+
+@pytest.mark.parametrize(
+    ("options", "where"),
+    [
+        ({"displacement_mm": 50.0}, "displacement_mm"),
+        ({"displacement_mm": float("nan")}, "displacement_mm"),
+        ({"displacement_mm": 4.0, "speed_mm_per_s": 0.0}, "speed_mm_per_s"),
+        ({"displacement_mm": 4.0, "tolerance_mm": -1.0}, "tolerance_mm"),
+        ({"displacement_mm": 4.0, "timeout_s": float("inf")}, "timeout_s"),
+        ({"displacement_mm": "4"}, "displacement_mm"),
+    ],
+)
+def test_impossible_moves_are_refused(servo, options, where):
+    with pytest.raises(ConfigError) as refused:
+        servo.move(**options)
+    assert refused.value.where == where
+
+
+def test_endless_reference_is_refused(servo):
+    with pytest.raises(ConfigError):
+        servo.follow(smadrive.sine(low_mm=3, high_mm=7, period_s=20).without_end(1.0))
+
+
+def test_rig_is_busy_while_a_servo_runs(rig, servo):
+    with pytest.raises(ConfigError, match="servo"):
+        rig.measure()
+    servo.stop()
+    assert rig.measure().current_a < 0.01
+    late = servo.move(4.0)
+    assert late.done
+    assert isinstance(late.exception(), MotionError)
+
+
+def test_callbacks_are_called_once(servo):
+    called = []
+    motion = servo.move(3.0)
+    motion.add_callback(called.append)
+    motion.wait()
+    motion.add_callback(called.append)
+    servo.stop()
+    assert called == [motion, motion]
+
+
+def test_trip_fails_the_motion_and_ends_at_zero_current(wire, tmp_path):
+    config = load_rig("in-process")
+    limits = config.limits.model_copy(update={"displacement_max_mm": 6.0})
+    with smadrive.open_rig(config.model_copy(update={"limits": limits})) as rig:
+        servo = rig.servo(wire, tmp_path / "tripped.h5")
+        servo.move(4.0).wait()
+        motion = servo.move(8.0)
+        assert isinstance(motion.exception(None), TripError)
+        with pytest.raises(TripError) as tripped:
+            servo.stop()
+        assert shutdown_of(tripped.value).confirmed
+        with pytest.raises(SafetyError, match="refused to arm"), rig.servo(wire, tmp_path / "again.h5") as again:
+            again.move(4.0).wait()
+        rig.clear_faults()
+        assert rig.measure().current_a < 0.01
+    assert servo.run.trips == 1
+
+
+def test_closing_the_rig_ends_its_servo(wire, tmp_path):
+    with smadrive.open_rig("in-process") as rig:
+        servo = rig.servo(wire, tmp_path / "servo.h5")
+        servo.move(3.0).wait()
+    assert not servo.is_running
+    assert servo.run.log.ended_by == ""

@@ -1,0 +1,199 @@
+"""The campaign file: axes, their combinations, the changes of rig and wire, and mistakes."""
+
+from pathlib import Path
+
+import pytest
+
+from smadrive.campaigns.checks import check_plan
+from smadrive.campaigns.execution.cluster import check_address
+from smadrive.campaigns.execution.scheduling import groups_of
+from smadrive.campaigns.experiments.run import identification_key
+from smadrive.campaigns.plan.axes import MOST_RUNS
+from smadrive.campaigns.plan.plan import load_plan
+from smadrive.errors import ConfigError, DataError
+from smadrive.files.shipped import configs_dir
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+CAMPAIGNS = sorted([*(configs_dir() / "campaigns").glob("*.toml"), *BENCHMARKS.glob("*.toml")])
+
+BASE = """
+title = "x"
+[run]
+reference = "sine"
+[references.sine]
+shape = "sine:period_s=56"
+"""
+
+
+@pytest.fixture
+def planned(tmp_path):
+    def plan(text, base=BASE):
+        path = tmp_path / "campaign.toml"
+        path.write_text(base + text, encoding="utf-8")
+        return load_plan(str(path))
+
+    return plan
+
+
+def test_axes_are_combined_and_the_last_one_is_fastest(planned):
+    plan = planned("[[vary]]\nrig.rate_hz = [10.0, 20.0]\n[[vary]]\nrandom_wires = 3\n")
+    assert plan.count == 6
+    assert [tuple(plan.run(n).levels.values()) for n in range(6)] == [
+        (10.0, 0), (10.0, 1), (10.0, 2), (20.0, 0), (20.0, 1), (20.0, 2),
+    ]  # fmt: skip
+    assert [plan.run(n).documents.rig.rate_hz for n in range(6)] == [10.0] * 3 + [20.0] * 3
+
+
+def test_lists_of_one_axis_go_together(planned):
+    text = "[[vary]]\nrig.rate_hz = [10.0, 20.0]\nrig.limits.current_max_a = [0.4, 0.5]\n"
+    runs = [planned(text).run(n).documents.rig for n in range(2)]
+    assert [(rig.rate_hz, rig.limits.current_max_a) for rig in runs] == [(10.0, 0.4), (20.0, 0.5)]
+
+
+def test_runs_of_one_wire_share_an_identification(planned):
+    plan = planned("[[vary]]\ndisplacement_sensor = [true, false]\n[[vary]]\nrandom_wires = 2\n")
+    assert groups_of(plan, set()) == [[0, 2], [1, 3]]
+    assert groups_of(plan, {0, 2}) == [[1, 3]]
+
+
+def test_a_setting_of_the_rig_needs_an_identification_of_its_own(planned):
+    plan = planned("[[vary]]\nrig.rate_hz = [10.0, 20.0]\n")
+    assert identification_key(plan.run(0)) != identification_key(plan.run(1))
+
+
+@pytest.mark.parametrize(
+    ("grid", "values"),
+    [
+        ("{low = 5.0, high = 20.0, number = 4}", [5.0, 10.0, 15.0, 20.0]),
+        ('{low = 5.0, high = 20.0, number = 3, spacing = "logarithmic"}', [5.0, 10.0, 20.0]),
+    ],
+)
+def test_a_grid_replaces_a_list(planned, grid, values):
+    plan = planned(f"[[vary]]\nrig.rate_hz = {grid}\n")
+    assert [plan.run(n).documents.rig.rate_hz for n in range(plan.count)] == values
+
+
+def test_devices_are_changed_by_name(planned):
+    text = """
+    [run.rig]
+    file = "bench-supply"
+    devices.supply.profile = "hanmatek-hm30x"
+    """
+    (supply, *others) = planned(text).run(0).documents.rig.devices
+    assert supply.profile == "hanmatek-hm30x"
+    assert [device.name for device in others] == ["thermometer", "laser"]
+
+
+def test_a_diameter_brings_its_own_data_sheet(planned):
+    plan = planned("[run.wire]\ndiameter_mm = 0.25\n")
+    sheet, sim = plan.run(0).documents.data_sheet, plan.run(0).documents.sim
+    balance = sheet.heat_balance()
+    assert balance.loss_w_per_k == pytest.approx(sim.wire.loss_w_per_k)
+    assert balance.heat_capacity_j_per_k == pytest.approx(sim.wire.heat_capacity_j_per_k)
+    assert balance.resistance_cold_ohm == pytest.approx(sim.wire.resistance_cold_ohm)
+
+
+def test_the_fingerprint_depends_on_the_content_of_the_files(planned, tmp_path):
+    plan, later = planned(""), planned("[run.rig]\nrate_hz = 10.0\n")
+    assert plan.fingerprint == planned("# a comment\n").fingerprint
+    assert plan.fingerprint != later.fingerprint
+
+
+def test_a_grid_of_a_thousand_million_runs_is_an_error(planned):
+    axes = "".join(
+        f"[[vary]]\nsim.{key} = {{low = 0.1, high = 0.9, number = 1000}}\n"
+        for key in ("wire.stroke_mm", "wire.mass_kg", "board.watchdog_s")
+    )
+    with pytest.raises(ConfigError) as caught:
+        planned(axes)
+    assert caught.value.limit == MOST_RUNS
+    assert "1000000000" in caught.value.value
+    assert caught.value.cure
+
+
+@pytest.mark.parametrize(
+    ("text", "where"),
+    [
+        ("[[vary]]\nrig.rate_hs = [1.0, 2.0]\n", "[run.rig]"),
+        ("[[vary]]\nrig.rate_hz = [1000.0]\n", "[run.rig]"),
+        ("[[vary]]\nsim.thermocouple.noise = [0.1]\n", "[run.sim]"),
+        ("[[vary]]\ncontroler = ['inverse']\n", "[run]"),
+        ("[[vary]]\nrig.rate_hz = 20.0\n", "[[vary]] 1: rig.rate_hz"),
+        ("[[vary]]\nrig.rate_hz = [10.0, 20.0]\nseed = [1]\n", "[[vary]] 1"),
+        ("[[vary]]\nname = 'a'\n", "[[vary]] 1"),
+        ("[[vary]]\nrig.rate_hz = {low = 1.0, high = 9.0, number = 1}\n", "[[vary]] 1: rig.rate_hz"),
+        ("[[vary]]\nrig.rate_hz = {low = 1.0, hihg = 9.0, number = 2}\n", "[[vary]] 1: rig.rate_hz"),
+        ("[[vary]]\nrig.rate_hz = {low = 1.0, high = 1.0, number = 2}\n", "[[vary]] 1: rig.rate_hz"),
+        ("[[vary]]\nrandom_wires = 100000000\n", "[[vary]] 1"),
+        ("[[vary]]\nseed = [1, 1]\n", "[[vary]] 1"),
+        ("[[vary]]\nseed = [1]\n[[vary]]\nseed = [2]\n", "[[vary]]"),
+        ("[[vary]]\nrig.devices = [[{name = 'a'}]]\n", "[[vary]] 1"),
+        ("[[vary]]\nname = 'rms_percent'\nseed = [1]\n", "[[vary]]"),
+        ("[[vary]]\nreference = ['sin']\n", "[run]"),
+        ("[[vary]]\ndisturbance = ['draught']\n", "[run]"),
+        ("[[vary]]\nrecords = '*.h5'\n", "[[vary]] 1: records"),
+        ("[run.rig]\ndevices.bord.profile = 'tclab'\n", "[run.rig] devices"),
+        ("[report]\nmetric = 'rms'\n", "[report] metric"),
+        ("[report]\nby = ['wires']\n", "[report] by"),
+        ("unknown = 1\n", "campaign.toml"),
+        ("[run.sim]\nfile = 'flexinol-lt-0.15mm'\n[run.wire]\ndiameter_mm = 0.1\n", "[run]"),
+        ("[run.wire]\ndiameter_mm = 0.11\n", "flexinol"),
+    ],
+)
+def test_a_mistake_names_its_place_and_is_found_before_the_start(planned, text, where):
+    with pytest.raises(ConfigError) as caught:
+        check_plan(planned(text))
+    assert where in caught.value.where
+
+
+@pytest.mark.parametrize("parameters", ["factr = 1.6", "factor = 1.6"])
+def test_an_unknown_parameter_of_a_fault_is_found_before_the_start(planned, parameters):
+    text = f"[[vary]]\ndisturbance = ['d']\n[[disturbances.d]]\nname = 'draft'\nat_s = 1.0\n{parameters}\n"
+    with pytest.raises(ConfigError) as caught:
+        check_plan(planned(text))
+    assert "draft" in caught.value.where
+
+
+@pytest.mark.parametrize(
+    "run", ["experiment = 'track'", "experiment = 'fit'", "reference = 'a'\nmodel = 'm.json'\ncontroller = 'plain-map'"]
+)
+def test_a_run_that_lacks_something_is_an_error(planned, run):
+    with pytest.raises(ConfigError) as caught:
+        check_plan(planned("", base=f"title = 'x'\n[run]\n{run}\n[references.a]\nshape = 'sine:period_s=56'\n"))
+    assert caught.value.cure
+
+
+def test_a_missing_model_is_an_error(planned):
+    with pytest.raises(ConfigError) as caught:
+        check_plan(planned("[[vary]]\nmodel = ['nowhere.json']\n"))
+    assert caught.value.where.endswith("nowhere.json")
+
+
+def test_records_are_an_axis_of_files(planned, tmp_path):
+    for name in ("b.csv", "a.csv"):
+        (tmp_path / name).write_text("temperature_c,displacement_mm\n20,0\n21,0\n")
+    plan = planned("[[vary]]\nrecords = '*.csv'\n", base="title = 'reel'\n[run]\nexperiment = 'fit'\n")
+    assert [plan.run(n).levels["record"] for n in range(plan.count)] == ["a.csv", "b.csv"]
+    assert plan.run(0).settings.record == str(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize(
+    "address", ["nowhere", "tcp://host", "tcp://:8786", "tcp://host:x", "http://host:80", "host:80"]
+)
+def test_an_address_has_protocol_host_and_port(address):
+    with pytest.raises(ConfigError) as caught:
+        check_address(address)
+    assert caught.value.value == address
+    check_address("tls://cluster:8786")
+
+
+@pytest.mark.parametrize("path", CAMPAIGNS, ids=lambda path: path.stem)
+def test_campaigns_of_the_project_are_right(path):
+    check_plan(load_plan(str(path)))
+
+
+def test_an_unreadable_reference_is_an_error(planned, tmp_path):
+    text = "[[vary]]\nreference = ['file']\n[references.file]\nfile = 'nowhere.csv'\n"
+    with pytest.raises((ConfigError, DataError)) as caught:
+        check_plan(planned(text))
+    assert caught.value.where.endswith("nowhere.csv")

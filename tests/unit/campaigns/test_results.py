@@ -1,0 +1,86 @@
+"""Summary, ranking of the worst runs, sensitivity, and the table of a campaign."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from smadrive.campaigns.experiments.run import Effort, RunResult
+from smadrive.campaigns.results.report import write_campaign_report
+from smadrive.campaigns.results.sensitivity import sensitivities
+from smadrive.campaigns.results.summary import summarized, worst_first
+from smadrive.campaigns.results.table import results_table, write_table
+
+EFFORT = Effort("2026-01-01T00:00:00+00:00", 1.0, 1.0, 0.0, "host:1")
+
+
+@pytest.fixture
+def plan(short_campaign):
+    settings = ("sim.thermocouple.noise_c = [0.1, 0.2, 0.4]", "rig.rate_hz = [10.0, 20.0]", "repeats = 5")
+    return short_campaign(vary="".join(f"[[vary]]\n{setting}\n" for setting in settings))
+
+
+def table_with(plan, metric_of):
+    random = np.random.default_rng(1)
+    rows = {n: {"rms_percent": metric_of(plan.run_levels(n), random), "certified": True} for n in range(plan.count)}
+    return results_table(plan, {n: RunResult(row, EFFORT) for n, row in rows.items()})
+
+
+def test_the_axis_that_decides_ranks_first(plan):
+    table = table_with(plan, lambda levels, random: levels["sim.thermocouple.noise_c"] + 1e-3 * random.normal())
+    first, *others = sensitivities(plan, table, "rms_percent")
+    assert first.column == "sim.thermocouple.noise_c"
+    assert first.share > 0.85
+    assert (first.lowest, first.highest) == (pytest.approx(0.1, abs=0.01), pytest.approx(0.4, abs=0.01))
+    assert all(other.share < 0.1 for other in others)
+
+
+def test_an_axis_without_effect_has_no_share(plan):
+    table = table_with(plan, lambda _levels, random: random.uniform())
+    assert all(one.share < 0.2 for one in sensitivities(plan, table, "rms_percent"))
+
+
+def test_a_few_runs_have_no_ranking(plan):
+    table = table_with(plan, lambda _levels, random: random.uniform())
+    assert sensitivities(plan, table.head(7), "rms_percent") == []
+
+
+def test_summary_has_median_and_worst_and_counts_trips(plan):
+    table = table_with(plan, lambda levels, _random: levels["rig.rate_hz"] + levels["seed"])
+    table.loc[0, ["status", "rms_percent"]] = ["tripped", np.nan]
+    slow, fast = summarized(table, "rms_percent", ["rig.rate_hz"])
+    assert (slow.levels, slow.runs, slow.tripped, slow.failed) == (("10",), 30, 1, 0)
+    assert (fast.median, fast.worst, fast.tripped) == (29.0, 31.0, 0)
+
+
+def test_worst_runs_begin_with_trips(plan):
+    table = table_with(plan, lambda levels, _random: levels["rig.rate_hz"])
+    table.loc[3, ["status", "rms_percent"]] = ["failed", np.nan]
+    table.loc[4, ["status", "rms_percent"]] = ["tripped", np.nan]
+    assert list(worst_first(table, "rms_percent")["run"][:3]) == [4, 3, 5]
+
+
+def test_the_table_opens_in_one_line_with_units_and_provenance(plan, tmp_path):
+    table = table_with(plan, lambda levels, _random: levels["rig.rate_hz"])
+    digest = write_table(table, tmp_path / "results.parquet")
+    read = pd.read_parquet(tmp_path / "results.parquet")
+    assert read.attrs["units"]["rms_percent"] == "%"
+    assert read.attrs["provenance"]["campaign"] == plan.text
+    assert read.attrs["provenance"]["seed"] == plan.config.seed
+    grid = read.set_index(read.attrs["axes"]).to_xarray()
+    assert dict(grid.sizes) == {"wire.seed": 2, "sim.thermocouple.noise_c": 3, "rig.rate_hz": 2, "seed": 5}
+    assert digest == write_table(table, tmp_path / "again.parquet")
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("failed", [0, 3, 60])
+def test_the_page_shows_axes_errors_and_sensitivity(plan, tmp_path, failed):
+    table = table_with(plan, lambda levels, random: levels["sim.thermocouple.noise_c"] + 0.1 * random.uniform())
+    table.loc[: failed - 1, ["status", "error_type", "error"]] = ["failed", "ConfigError", "the wire is <broken>"]
+    table.loc[: failed - 1, "rms_percent"] = np.nan
+    write_campaign_report(tmp_path / "report.html", plan, table, "digest", {})
+    page = (tmp_path / "report.html").read_text()
+    assert ("Trips and failures" in page) == (failed > 0)
+    assert ("ConfigError: the wire is &lt;broken&gt;" in page) == (failed > 0)
+    assert ("By rig.rate_hz" in page, "Distribution" in page, "Sensitivity" in page) == (failed < 60,) * 3
+    assert "By seed" not in page
+    assert "digest" in page

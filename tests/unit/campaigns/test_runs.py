@@ -1,0 +1,140 @@
+"""The runs of a campaign, on a cluster of one worker in this process."""
+
+import subprocess
+import sys
+
+import pytest
+from distributed import Client, LocalCluster
+
+from smadrive.campaigns.execution.journal import JOURNAL, Journal
+from smadrive.campaigns.execution.scheduling import groups_of, run_all
+from smadrive.campaigns.experiments.run import Effort, RunResult, execute
+from smadrive.campaigns.results.table import results_table, write_table
+from smadrive.errors import DataError
+
+RESULT = RunResult({"rms_percent": 0.1 + 0.2, "max_percent": float("nan")}, Effort("", 1.0, 1.0, 0.0, "host:1"))
+
+
+@pytest.fixture(scope="module")
+def client():
+    with (
+        LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster,
+        Client(cluster) as client,
+    ):
+        yield client
+
+
+def table_of(client, plan, folder, *, resume=False):
+    with Journal(folder, plan, resume=resume) as journal:
+        finished = []
+        run_all(client, plan, groups_of(plan, set(journal.results)), journal, finished.append)
+        return results_table(plan, journal.results), len(finished)
+
+
+def test_a_run_is_the_same_on_a_cluster_and_without(client, short_campaign, tmp_path):
+    plan = short_campaign()
+    table, finished = table_of(client, plan, tmp_path / "folder")
+    assert finished == plan.count == len(table) == 2
+    assert list(table["run"]) == [0, 1]
+    assert set(table["status"]) == {"done"}
+    for number in range(2):
+        row = execute(plan.run(number)).row
+        assert row["rms_percent"] == table["rms_percent"][number]
+        assert row["energy_j"] == table["energy_j"][number]
+    assert table["rms_percent"].between(0.01, 30.0).all()
+    again, finished = table_of(client, plan, tmp_path / "folder", resume=True)
+    assert finished == 0
+    assert write_table(table, tmp_path / "a.parquet") == write_table(again, tmp_path / "b.parquet")
+
+
+def test_a_failed_run_is_a_row_with_its_error(client, short_campaign, tmp_path):
+    more = """
+    [references.far]
+    shape = "sine:low_mm=30,high_mm=40,period_s=20"
+    [[disturbances.broken]]
+    name = "break_wire"
+    at_s = 0.0
+    """
+    plan = short_campaign(
+        run='disturbance = "broken"', vary='[[vary]]\nname = "path"\nreference = ["up", "far"]', more=more
+    )
+    table, _ = table_of(client, plan, tmp_path / "folder")
+    assert list(table["status"]) == ["tripped", "failed"] * 2
+    assert list(table["error_type"]) == ["TripError", "ConfigError"] * 2
+    assert (table["error"] != "").all()
+    assert table["rms_percent"].isna().all()
+    assert table["stroke_mm"].notna().all()
+
+
+def test_an_interrupted_journal_goes_on(short_campaign, tmp_path):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(1, RESULT)
+        journal.add(0, RESULT)
+    path = folder / JOURNAL
+    path.write_bytes(path.read_bytes()[:-7])  # the last line is cut, as by a kill
+    with Journal(folder, plan, resume=True) as journal:
+        assert list(journal.results) == [1]
+        assert repr(journal.results[1]) == repr(RESULT)
+        journal.add(0, RESULT)
+    with Journal(folder, plan, resume=True) as journal:
+        assert sorted(journal.results) == [0, 1]
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_two_commands_cannot_use_one_folder(short_campaign, tmp_path, resume):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(0, RESULT)
+        with pytest.raises(DataError) as caught, Journal(folder, plan, resume=resume):
+            pass
+        assert caught.value.where == str(folder)
+        journal.add(1, RESULT)
+    with Journal(folder, plan, resume=True) as journal:
+        assert sorted(journal.results) == [0, 1]
+
+
+def test_another_campaign_does_not_go_on_in_the_folder(short_campaign, tmp_path):
+    folder = tmp_path / "folder"
+    with Journal(folder, short_campaign(), resume=False) as journal:
+        journal.add(0, RESULT)
+    other = short_campaign(run="seed = 8", name="other.toml")
+    with pytest.raises(DataError) as caught, Journal(folder, other, resume=True):
+        pass
+    assert caught.value.where == str(folder)
+    with Journal(folder, short_campaign(), resume=True) as journal:
+        assert list(journal.results) == [0]
+
+
+def test_a_campaign_without_a_run_leaves_no_journal(short_campaign, tmp_path):
+    for _ in range(2):
+        with Journal(tmp_path / "folder", short_campaign(), resume=False):
+            pass
+    assert list((tmp_path / "folder").iterdir()) == []
+
+
+def test_resume_needs_a_campaign(short_campaign, tmp_path):
+    with pytest.raises(DataError), Journal(tmp_path / "nothing", short_campaign(), resume=True):
+        pass
+
+
+def test_noise_is_shared_by_the_runs_of_a_wire_and_changes_with_the_seed(short_campaign):
+    plan = short_campaign(vary='[[vary]]\nname = "noise"\nseed = [1, 2]\n')
+    first, second = (execute(plan.run(number)).row for number in (0, 1))
+    assert first["stroke_mm"] == second["stroke_mm"]
+    assert first["rms_percent"] != second["rms_percent"]
+    assert execute(replaced(plan.run(1), seed=1)).row == first
+
+
+def replaced(run, **settings):
+    return run._replace(settings=run.settings.model_copy(update=settings))
+
+
+@pytest.mark.exhaustive
+def test_a_worker_imports_nothing_that_draws():
+    code = (
+        "import sys, smadrive.campaigns.experiments.run\n"
+        "print(*{'matplotlib', 'rich', 'typer', 'bokeh', 'pandas', 'smadrive.cli'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""

@@ -1,0 +1,192 @@
+"""A publication against a real broker: no sample is lost, and `off` acts only where the rig file permits it."""
+
+import getpass
+import json
+import os
+import signal
+import subprocess
+import threading
+from types import SimpleNamespace
+
+import pytest
+from peers import mosquitto
+from peers.mosquitto import MosquittoBroker, Subscriber, wait_for
+
+from smadrive.control.controllers.temperature import Command
+from smadrive.control.loop import Tick
+from smadrive.errors import TripError
+from smadrive.measurement import Measurement
+from smadrive.rig.config import load_rig
+from smadrive.safety.faults import Fault, Trip
+from smadrive.telemetry.address import parse_address
+from smadrive.telemetry.feed import RunFeed
+from smadrive.telemetry.publication import Publication
+from smadrive.tuning.link.shared_memory import CAPACITY, SharedWriter
+
+pytestmark = pytest.mark.skipif(mosquitto.missing() is not None, reason=str(mosquitto.missing()))
+CONFIG = load_rig("in-process")
+TOPIC = "smadrive/simulated-bench-in-process"
+
+
+@pytest.fixture
+def broker(tmp_path):
+    with MosquittoBroker(tmp_path) as running:
+        yield running
+
+
+class Published:
+    """A feed that is published to a broker, and the ticks that it gets."""
+
+    def __init__(self, broker, config=CONFIG):
+        self.writer = SharedWriter()
+        self.publication = Publication(parse_address(broker.url, {}), config, "run", self.writer)
+        self.feed = RunFeed(self.writer, config, "tracking")
+        self.count = 0
+
+    def __enter__(self):
+        self.writer.__enter__()
+        self.publication.__enter__()
+        self.feed.__enter__()
+        return self
+
+    def __exit__(self, *error):
+        self.feed.__exit__(*error)
+        self.publication.__exit__(*error)
+        self.counts = self.publication.counts
+        self.writer.__exit__(*error)
+
+    def tick(self, ticks=1, **measured):
+        for _ in range(ticks):
+            time_s = 0.05 * self.count
+            values = {"temperature_c": 20.0 + self.count, "current_a": 0.1, "voltage_v": 1.6, **measured}
+            self.feed.tick(Tick(time_s, 0.0, Measurement(time_s, **values), Command(0.1)))
+            self.count += 1
+
+
+def numbers(subscriber):
+    return [json.loads(text)["number"] for text in subscriber.texts("sample")]
+
+
+def test_every_sample_arrives_and_the_last_state_is_retained(broker):
+    with Subscriber(broker) as subscriber:
+        published = Published(broker)
+        with pytest.raises(TripError):
+            tripped(published)
+    assert numbers(subscriber) == list(range(151))
+    assert published.counts[:4] == (151, 0, 0, 1)
+    with Subscriber(broker) as late:
+        wait_for(lambda: len(late.messages) == 5)
+        assert all(retain for _, _, retain in late.messages)
+        kept = {topic.removeprefix(f"{TOPIC}/"): text for topic, text, _ in late.messages}
+    assert kept.pop("driver") == "ended"
+    kept = {name: json.loads(text) for name, text in kept.items()}
+    assert (kept["state"]["mode"], kept["state"]["end"], kept["state"]["command"]) == ("off", "off", "run")
+    faults = kept["faults"]
+    assert (faults["any"], faults["fault_type"], faults["temperature_fault"]) == (True, "TripError", "open")
+    assert (kept["publisher"]["samples"], kept["publisher"]["dropped"]) == (151, 0)
+
+
+def tripped(published):
+    """Publish 151 ticks, the last with faults, and trip."""
+    with published:
+        published.tick(150)
+        published.tick(device_faults=("over-temperature",), temperature_fault="open")
+        raise Trip(Fault.OVER_TEMPERATURE, 7.5, "150 °C").error()
+
+
+@pytest.mark.parametrize("end", [MosquittoBroker.stop, MosquittoBroker.hang], ids=["stopped", "hung"])
+@pytest.mark.exhaustive
+def test_samples_wait_for_a_broker_that_is_away(broker, end):
+    with Published(broker) as published:
+        published.tick(20)
+        wait_for(lambda: published.publication.counts.waiting == 0)
+        end(broker)
+        published.tick(30)
+        wait_for(lambda: published.publication.counts.trouble)
+        assert published.publication.counts.waiting == 30
+        broker.resume() if broker.process else broker.start()
+        with Subscriber(broker) as subscriber:
+            wait_for(lambda: published.publication.counts.waiting == 0)
+            published.tick(10)
+            wait_for(lambda: {*range(50, 60)} <= {*numbers(subscriber)})
+            wait_for(lambda: subscriber.texts("driver")[-1:] == ["online"])
+    assert published.counts.samples == 60
+    assert published.counts.dropped == 0
+    assert published.counts.connections == 2
+
+
+def test_killed_publisher_is_restarted_and_continues(broker):
+    with Subscriber(broker) as subscriber, Published(broker) as published:
+        published.tick(20)
+        wait_for(lambda: published.publication.counts.waiting == 0)
+        os.kill(published.publication.pid, signal.SIGKILL)
+        published.tick(20)
+        wait_for(lambda: {*numbers(subscriber)} == {*range(40)})
+        wait_for(lambda: subscriber.texts("driver") == ["online", "gone", "online"])
+    assert published.counts[:4] == (40, 0, 0, 2)
+
+
+@pytest.mark.exhaustive
+def test_overwritten_samples_are_counted(tmp_path):
+    broker = MosquittoBroker(tmp_path)
+    with Published(broker) as published:
+        published.tick(CAPACITY + 100)
+        with broker, Subscriber(broker) as subscriber:
+            wait_for(lambda: published.publication.counts.waiting == 0)
+            received = numbers(subscriber)
+            counts = published.publication.counts
+    assert counts.dropped == 101
+    assert counts.samples == CAPACITY - 1
+    assert received[-1] == CAPACITY + 99
+
+
+@pytest.mark.parametrize("is_permitted", [True, False])
+def test_off_acts_only_where_the_rig_file_permits_it(broker, is_permitted):
+    config = CONFIG.model_copy(update={"off_by_mqtt": is_permitted})
+    stopped = threading.Event()
+    with Subscriber(broker) as subscriber:
+        subscriber.publish(f"{TOPIC}/off", "old", retain=True)
+        with Published(broker, config) as published:
+            published.publication.on_off = stopped.set
+            published.tick(5)
+            wait_for(lambda: len(numbers(subscriber)) == 5)
+            assert not stopped.is_set()
+            subscriber.publish(f"{TOPIC}/off")
+            published.tick(5)
+            wait_for(lambda: len(numbers(subscriber)) == 10)
+            if is_permitted:
+                wait_for(stopped.is_set)
+        assert stopped.is_set() == is_permitted
+
+
+@pytest.mark.exhaustive
+def test_password_and_tls(tmp_path):
+    certificate, key, users, secret = (tmp_path / name for name in ("cert.pem", "key.pem", "users", "secret"))
+    subprocess.run(
+        [
+            *("openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost"),
+            *("-addext", "subjectAltName=IP:127.0.0.1", "-keyout", key, "-out", certificate),
+        ],
+        check=True,
+        capture_output=True,
+    )
+    secret.write_text("s3cret")
+    subprocess.run([mosquitto.program("mosquitto_passwd"), "-b", "-c", users, "lab", "s3cret"], check=True)
+    for path in tmp_path.iterdir():
+        path.chmod(0o644)  # a broker that is started by root gives up its rights
+    tmp_path.chmod(0o755)
+    lines = (f"certfile {certificate}", f"keyfile {key}", "allow_anonymous false", f"password_file {users}")
+    with MosquittoBroker(tmp_path, (*lines, f"user {getpass.getuser()}")) as broker:
+        place, tail = f"127.0.0.1:{broker.port}", f"ca_file={certificate}"
+        assert counts_at(f"mqtts://lab@{place}?{tail}&password_file={secret}")[:4] == (5, 0, 0, 1)
+        assert counts_at(f"mqtts://lab@{place}?{tail}").samples == 0
+        assert counts_at(f"mqtts://{place}").samples == 0
+
+
+def counts_at(url):
+    """The counts after five samples were published to the broker at `url`."""
+    with Published(SimpleNamespace(url=url)) as published:
+        published.publication.wait_for_broker()
+        published.tick(5)
+    assert bool(published.counts.trouble) == (published.counts.samples == 0)
+    return published.counts

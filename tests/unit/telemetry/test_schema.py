@@ -1,0 +1,67 @@
+"""The messages and the page that describes them agree, and an unknown number is null."""
+
+import json
+import re
+from math import inf, nan
+from pathlib import Path
+
+import pytest
+
+from smadrive.rig.config import load_rig
+from smadrive.telemetry.feed import RunFeed
+from smadrive.telemetry.schema import (
+    FAULTS,
+    MESSAGES,
+    SAMPLE,
+    STATE,
+    VERSION,
+    faults_message,
+    sample_message,
+    schema_document,
+    state_message,
+    topic_of,
+)
+from smadrive.tuning.link.samples import COLUMNS
+from smadrive.tuning.link.shared_memory import SharedWriter
+
+PAGE = Path(__file__).parents[3] / "docs" / "telemetry.md"
+ROW = re.compile(r"^\| `(\w+)` \| ([^|]*) \| ([^|]*) \|$", re.MULTILINE)
+
+
+@pytest.mark.parametrize("message", MESSAGES)
+def test_page_lists_every_field_with_its_unit(message):
+    section = PAGE.read_text(encoding="utf-8").partition(f"\n### `{message}`")[2].partition("\n#")[0]
+    rows = {name: unit.strip() for name, unit, _ in ROW.findall(section)}
+    assert rows == {
+        name: field.unit.replace("1", "–").replace("degC", "°C") or "–" for name, field in MESSAGES[message].items()
+    }
+
+
+def test_page_names_the_version():
+    assert f"schema version {VERSION}" in PAGE.read_text(encoding="utf-8")
+
+
+def test_unknown_numbers_are_null():
+    message = sample_message(7, 1000.0, [0.25, nan, inf, *[1.23456789] * (len(COLUMNS) - 3)])
+    assert tuple(message) == tuple(SAMPLE)
+    assert (message["late_s"], message["temperature_c"], message["displacement_mm"]) == (None, None, 1.234568)
+    assert (message["number"], message["unix_s"], message["schema"]) == (7, 1000.25, VERSION)
+    json.dumps(message, allow_nan=False)
+
+
+def test_status_of_a_run_has_every_field():
+    with SharedWriter() as writer, RunFeed(writer, load_rig("in-process"), "tracking"):
+        assert set(state_message(writer.published, "run")) == set(STATE)
+        assert set(faults_message(writer.published)) == set(FAULTS)
+        assert faults_message(writer.published)["any"] is False
+        assert faults_message({**writer.published, "device_faults": ["x"]})["any"] is True
+
+
+def test_topics_have_no_wildcards():
+    assert topic_of("smadrive", "wire + laser/#2, left", "sample") == "smadrive/wire-laser-2-left/sample"
+    assert topic_of("lab/a", "#", "off") == "lab/a/rig/off"
+
+
+def test_schema_document_is_json():
+    document = json.loads(json.dumps(schema_document(), allow_nan=False))
+    assert document["messages"]["sample"]["temperature_c"] == {"unit": "degC", "label": "temperature, measured"}
