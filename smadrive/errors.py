@@ -40,8 +40,8 @@ CUT = (
 """`UNCONFIRMED` begins and `CUT` ends the note that an error carries when current may still flow."""
 
 
-STOPPED = "stopped by `smadrive off`"
-"""The end of a run by an emergency stop, as errors, logs and rigs say it."""
+STOPPED = "stopped by"
+"""The words before the program that made an emergency stop, in errors and in the state of a rig."""
 
 
 def free_the_line(pid: int | None) -> str:

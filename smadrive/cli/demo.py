@@ -79,7 +79,7 @@ def main(
     output.say(f"demo: excites a simulated wire, identifies it, tracks a reference twice; takes {lasts}")
     with ServedSimulator(SIM, real_time=real_time, seed=seed, log=folder / "firmware.log") as simulator:
         config = load_rig(RIG).at(simulator.url)
-        output.say(f"firmware-sim serves the simulated wire at {simulator.url}")
+        output.say(f"firmware-sim serves the simulated wire at {simulator.url.partition('?')[0]}")
         with _connected(config, simulator.clock, output) as rig:
             session = _Session(rig, folder, seed, output)
             excitation = session.excite()
@@ -116,7 +116,7 @@ class _Session:
 
     def excite(self) -> Log:
         path, excitation = self.folder / "excitation.h5", self.rig.excitation(self._temperature_c())
-        announce_excitation(self.output, excitation)
+        announce_excitation(self.output, excitation, self.rig.clock)
         with (
             record_excitation(path, self.rig, excitation, seed=str(self.seed)) as recorder,
             self._watched(recorder, "exciting", excitation.duration_s) as record,

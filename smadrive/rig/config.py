@@ -14,6 +14,8 @@ from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import RIG
 from smadrive.files.shipped import config_file
 
+ZERO_C_IN_K = 273.15
+
 
 class DeviceConfig(Section):
     """One device of the rig: its address, its profile, and its use.
@@ -142,7 +144,7 @@ class RigConfig(Section):
         if not high_c < limit_c:
             raise ValueError(
                 f"excitation.high_c = {high_c:g} must be below limits.temperature_max_c = {limit_c:g}, or the "
-                "experiment would trip the supervisor"
+                f"experiment would trip the supervisor{kelvin_hint(high_c, self.limits.temperature_min_c, limit_c)}"
             )
 
     def _check_limits(self) -> None:
@@ -182,6 +184,12 @@ class RigConfig(Section):
         return self.model_copy(
             update={"devices": tuple(device.model_copy(update={"url": url}) for device in self.devices)}
         )
+
+
+def kelvin_hint(value: float, low_c: float, high_c: float) -> str:
+    """Return the question whether `value` is in kelvin if it then lies from `low_c` to `high_c`, otherwise ""."""
+    value_c = value - ZERO_C_IN_K
+    return f". Is it in kelvin? {value:g} K is {value_c:.0f} °C" if low_c < value_c <= high_c else ""
 
 
 def in_folder(devices: Iterable[DeviceConfig], folder: Path) -> tuple[DeviceConfig, ...]:

@@ -28,7 +28,7 @@ from math import isnan
 from smadrive.control.controllers.step import ManualStep
 from smadrive.devices.heater import DERATE_C
 from smadrive.errors import ConfigError
-from smadrive.rig.config import RigConfig
+from smadrive.rig.config import RigConfig, kelvin_hint
 from smadrive.rig.controllers import excitation_path
 from smadrive.wire.data_sheet import WireDataSheet
 from smadrive.wire.heat_balance import HeatBalance
@@ -45,8 +45,6 @@ LEAST_SHARE = 0.5
 
 MOST_VOLTS = 4.0
 """The highest voltage limit, as a multiple of the voltage that the circuit needs at its largest current."""
-
-ZERO_C_IN_K = 273.15
 
 FACTORS = {"heat_capacity_j_per_k": 3.0, "loss_w_per_k": 3.0, "resistance_cold_ohm": 2.0}
 """Largest factor, up or down, between an identified parameter and its nominal value."""
@@ -98,13 +96,7 @@ def _temperature_cure(limit_c: float, wire: WireDataSheet) -> str:
             "the wire file has no temperature_max_c, and nickel-titanium ages above this limit: lower it, or set "
             "temperature_max_c in the wire file if the alloy withstands more"
         )
-    return cure + _kelvin_hint(limit_c, wire.ambient_c, wire.temperature_max_c)
-
-
-def _kelvin_hint(value: float, low_c: float, high_c: float) -> str:
-    """Return the question whether `value` is in kelvin if it then lies from `low_c` to `high_c`, otherwise ""."""
-    value_c = value - ZERO_C_IN_K
-    return f". Is it in kelvin? {value:g} K is {value_c:.0f} °C" if low_c < value_c <= high_c else ""
+    return cure + kelvin_hint(limit_c, wire.ambient_c, wire.temperature_max_c)
 
 
 def _check_current(config: RigConfig, held_a: float, least_a: float) -> None:
@@ -190,7 +182,7 @@ def _check_temperature_step(temperature_c: float, config: RigConfig, balance: He
             f"{DERATE_C:g} K below temperature_max_c = {limits.temperature_max_c:g} °C"
         )
         cure = "choose a lower temperature, or raise temperature_max_c if the data sheet of the wire allows it"
-        hint = _kelvin_hint(temperature_c, balance.ambient_c, most_c)
+        hint = kelvin_hint(temperature_c, balance.ambient_c, most_c)
         raise ConfigError(
             "not a number" if isnan(temperature_c) else hot,
             where="step: temperature",

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
-from smadrive.control.loop import Tick, never
+from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.errors import StoppedError
 from smadrive.hysteresis import IdentifiedModel
@@ -54,15 +54,13 @@ _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 class TickRecorder(Recorder):
     """Records the ticks of a loop: a row for each tick, and events.
 
-    An event is written when the faults change, and when a limit acts for the first time. `is_stopped` returns True if
-    `smadrive off` has interrupted the run.
+    An event is written when the faults change, and when a limit acts for the first time. `stopped_by` returns the
+    program that has made an emergency stop, as text; empty without a stop.
     """
 
-    def __init__(
-        self, path: Path, metadata: Mapping[str, str], rows: int, is_stopped: Callable[[], bool] = never
-    ) -> None:
+    def __init__(self, path: Path, metadata: Mapping[str, str], rows: int, stopped_by: Callable[[], str] = str) -> None:
         super().__init__(path, tuple(COLUMNS), metadata, rows)
-        self._is_stopped = is_stopped
+        self._stopped_by = stopped_by
         self._reported_limits: set[str] = set()
         self._faults: tuple[str, ...] = ()
 
@@ -74,8 +72,8 @@ class TickRecorder(Recorder):
 
     def _cause(self, error: BaseException) -> str:
         is_interruption = isinstance(error, KeyboardInterrupt | SystemExit)
-        if isinstance(error, StoppedError) or (is_interruption and self._is_stopped()):
-            return STOP
+        if (is_interruption or isinstance(error, StoppedError)) and (program := self._stopped_by()):
+            return f"{STOP}: {program}"
         return super()._cause(error)
 
     def _report_faults(self, measurement: Measurement) -> None:
@@ -171,4 +169,4 @@ def _open(path: Path, rig: Rig, metadata: Mapping[str, str], duration_s: float) 
         "machine": platform.platform(),
     }
     rows = int(duration_s / rig.period_s) + 1 if isfinite(duration_s) else GROWTH_ROWS
-    return TickRecorder(path, {**of_the_rig, **metadata}, rows, lambda: rig.stop.requested)
+    return TickRecorder(path, {**of_the_rig, **metadata}, rows, lambda: rig.stop.requested_by)

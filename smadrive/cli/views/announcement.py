@@ -19,8 +19,11 @@ from smadrive.runs.run_log import TickRecorder
 
 def announce(output: Output, log_file: Path, what: str, duration_s: float, clock: Clock) -> None:
     """Print how long `what` takes and which log it writes."""
-    virtual = " of virtual time" if isinstance(clock, VirtualClock) else ""
-    lasts = f"takes {duration_text(duration_s)}{virtual}" if isfinite(duration_s) else "continues until Ctrl-C"
+    lasts = (
+        f"takes {duration_text(duration_s)}{_of_virtual_time(clock)}"
+        if isfinite(duration_s)
+        else "continues until Ctrl-C"
+    )
     output.say(f"{log_file}: {what} {lasts}")
 
 
@@ -32,16 +35,21 @@ def announced(
     def both(recorder: TickRecorder, duration_s: float) -> AbstractContextManager[Record]:
         announce(output, log_file, what, duration_s, clock)
         if excitation is not None:
-            announce_excitation(output, excitation)
+            announce_excitation(output, excitation, clock)
         return watch(recorder, duration_s)
 
     return both
 
 
-def announce_excitation(output: Output, excitation: Excitation) -> None:
+def announce_excitation(output: Output, excitation: Excitation, clock: Clock) -> None:
     """Print plan, number of reversal curves and duration of an identification experiment."""
     curves = count_text(excitation.reversal_curves, "reversal curve")
-    output.say(f"excitation: plan {excitation.plan}, {curves}, {excitation.duration_s:.0f} s")
+    lasts = f"{excitation.duration_s:.0f} s{_of_virtual_time(clock)}"
+    output.say(f"excitation: plan {excitation.plan}, {curves}, {lasts}")
+
+
+def _of_virtual_time(clock: Clock) -> str:
+    return " of virtual time" if isinstance(clock, VirtualClock) else ""
 
 
 @contextmanager

@@ -120,7 +120,7 @@ def _error_plot(arms: Sequence[ArmView]) -> Plot:
 
 def _temperature_plot(arms: Sequence[ArmView]) -> Plot:
     figure, (upper, lower) = panels((2.4, 1.8))
-    _, log, _ = arms[0]
+    name, log, _ = arms[0]
     time_s = log.column("time_s")
     line(upper, time_s, log.column_with_gaps("temperature_c"), color=FAINT, lw=1.6, label="thermocouple")
     line(upper, time_s, log.column_with_gaps("estimated_c"), color=ESTIMATED, label="wire, estimated")
@@ -130,7 +130,7 @@ def _temperature_plot(arms: Sequence[ArmView]) -> Plot:
     line(lower, time_s, 1e3 * log.column_with_gaps("current_a"), color=MEASURED, lw=0.9)
     lower.set(xlabel="time / s", ylabel="heater current / mA")
     return Plot(
-        "Temperature and current",
+        f"Temperature and current of the run with the {name}",
         figure,
         "At every turning point the wire must cross the width of the loop before it moves again.",
     )

@@ -72,7 +72,7 @@ class Reference:
             raise DataError(
                 "needs two columns of the same length, with 2 samples at least",
                 where=WHERE,
-                value=(times.shape, values.shape),
+                value=_sizes(times, values),
                 cure="pass one displacement for each time",
             )
         for name, column in (("time_s", times), ("displacement_mm", values)):
@@ -174,8 +174,8 @@ class Reference:
                 raise ConfigError(
                     "outside the travel of the identified wire",
                     where=f"{WHERE}: {name} value",
-                    value=f"{value:.6g} mm",
-                    limit=f"{low:.6g} to {high:.6g} mm",
+                    value=f"{round(value, 3):g} mm",
+                    limit=f"{round(low, 3):g} to {round(high, 3):g} mm",
                     cure="keep the reference within this travel",
                 )
 
@@ -223,6 +223,13 @@ class Reference:
             np.concatenate((path_mm[:-1], self.displacement_mm)),
             scored_from_s=approach_s,
         )
+
+
+def _sizes(times: Array, values: Array) -> str:
+    """Return the numbers of times and of displacements as text; of columns with more dimensions, the shapes."""
+    if times.ndim == values.ndim == 1:
+        return f"{times.size} times and {values.size} displacements"
+    return f"shapes {times.shape} and {values.shape}"
 
 
 def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> Array:

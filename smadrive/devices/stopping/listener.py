@@ -20,7 +20,7 @@ from typing import Self
 from weakref import WeakSet
 
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, alternative_names, peer_of
-from smadrive.errors import BusyError, StoppedError, free_the_line
+from smadrive.errors import STOPPED, BusyError, StoppedError, free_the_line
 from smadrive.posix import after_fork_in_child
 
 BACKLOG = 16
@@ -38,7 +38,7 @@ class StopListener:
 
     def __init__(self, where: str) -> None:
         self._where = where
-        self._stopped_by = "`smadrive off`"
+        self._requester = "`smadrive off`"
         self._requested = self._is_closing = False
         self._mutex = threading.Lock()
         self._selector = selectors.DefaultSelector()
@@ -53,6 +53,11 @@ class StopListener:
     def requested(self) -> bool:
         """True if a process has asked this driver to stop."""
         return self._requested
+
+    @property
+    def requested_by(self) -> str:
+        """The program that has asked this driver to stop, as text; empty without a request."""
+        return self._requester if self._requested else ""
 
     def listen(self, line: str, names: Iterable[str]) -> None:
         """Listen at the address of each name of `line`. BusyError when another driver listens there."""
@@ -73,7 +78,7 @@ class StopListener:
 
         Any thread may call this method.
         """
-        self._stopped_by = by
+        self._requester = by
         self._interrupt()
 
     def check(self) -> None:
@@ -109,7 +114,7 @@ class StopListener:
             one.close()
 
     def _stopped(self) -> StoppedError:
-        return StoppedError(f"{self._where}: stopped by {self._stopped_by}")
+        return StoppedError(f"{self._where}: {STOPPED} {self._requester}")
 
     def _close(self) -> None:
         with self._mutex:

@@ -38,7 +38,7 @@ class Quantity(NamedTuple):
 QUANTITIES = (
     Quantity("RMS error", "rms_percent", "%", 2),
     Quantity("largest error", "max_percent", "%", 2),
-    Quantity("measured stroke", "stroke_mm", "mm", 3),
+    Quantity("displacement span, with approach", "span_mm", "mm", 3),
     Quantity("highest temperature", "temperature_max_c", "°C", 1),
     Quantity("largest current", "current_max_a", "A", 3),
     Quantity("electrical energy", "energy_j", "J", 1),
@@ -51,9 +51,13 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class ComparedMetrics(RunMetrics):
-    """The metrics of a run, and the span of its displacement in mm, which is NaN if no displacement was measured."""
+    """The metrics of a run, and the span of its displacement.
 
-    stroke_mm: float = nan
+    `span_mm` is the highest minus the lowest displacement of the whole run, including its approach. It is NaN if no
+    displacement was measured.
+    """
+
+    span_mm: float = nan
 
 
 @dataclass(frozen=True)
@@ -83,7 +87,7 @@ class RunComparison:
     @cached_property
     def metrics(self) -> tuple[ComparedMetrics, ...]:
         """The metrics of each run. DataError when a log has no row."""
-        return tuple(ComparedMetrics(**asdict(run_metrics(log)), stroke_mm=_stroke_mm(log)) for log in self.logs)
+        return tuple(ComparedMetrics(**asdict(run_metrics(log)), span_mm=_span_mm(log)) for log in self.logs)
 
     @cached_property
     def settings(self) -> dict[str, tuple[str, ...]]:
@@ -128,7 +132,7 @@ def _text(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if isfinite(value) else "–"
 
 
-def _stroke_mm(log: Log) -> float:
+def _span_mm(log: Log) -> float:
     displacement_mm = log.column_with_gaps("displacement_mm")
     finite = displacement_mm[np.isfinite(displacement_mm)]
     return float(np.ptp(finite)) if finite.size else nan

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 ValueT = TypeVar("ValueT")
 
 ENDED_BY = "ended by "
-INTERRUPTION, STOP = "interruption", "`smadrive off`"
+INTERRUPTION, STOP = "interruption", "emergency stop"
 """The beginnings of the causes of an end that the user wanted: a signal, or an emergency stop."""
 """The first words of the event that gives the reason for the early end of a run."""
 

@@ -21,7 +21,7 @@ from multiprocessing import Pipe
 from typing import Any
 from weakref import WeakSet
 
-from smadrive.errors import STOPPED, BusyError, LoopProcessError, StoppedError
+from smadrive.errors import BusyError, LoopProcessError, StoppedError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
 from smadrive.posix import check_posix
@@ -120,7 +120,7 @@ class LoopClient:
         """The end of the loop process as text, and its cure; empty while the process runs."""
         if not self._is_lost:
             return ""
-        return f"{'loop process ended' if self._stop is None else STOPPED}, open the rig again"
+        return f"{'loop process ended' if self._stop is None else self._stop}, open the rig again"
 
     def call(self, request: Any, show: Show = show_nothing) -> Any:
         """Send a request. Return its result or raise its error. `show` gets the progress of a run.
@@ -188,7 +188,7 @@ class LoopClient:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(ENDS_WITHIN_S)
         if self._stop is not None:
-            return _explained(self._stop)
+            return self._stop
         if self._process.returncode == 0:
             what, cure = "it has ended, because a signal or an error stopped it", "open the rig again"
             return LoopProcessError(what, where="process of the loop", cure=cure)
@@ -227,15 +227,12 @@ class LoopClient:
 def _explained(error: BaseException) -> BaseException:
     """Return the error to raise in the script.
 
-    The message of a KeyboardInterrupt or of a StoppedError tells that the heater is off. The message of a BusyError
-    tells that this script uses the line.
+    The message of a KeyboardInterrupt tells that the heater is off. The message of a BusyError tells that this script
+    uses the line.
     """
     outcome = shutdown_of(error)
-    if outcome is not None and outcome.confirmed:
-        if isinstance(error, KeyboardInterrupt):
-            error.args = (str(outcome),)
-        if isinstance(error, StoppedError):
-            error.args = (f"{STOPPED}; {outcome}",)
+    if isinstance(error, KeyboardInterrupt) and outcome is not None and outcome.confirmed:
+        error.args = (str(outcome),)
     if isinstance(error, BusyError) and error.holder_pid in {client.pid for client in _running if not client.is_lost}:
         cure = "use the rig that is open, or close it first: call its close(), or open it in a `with` block"
         return BusyError("busy, because this script has a rig open on this line", where=error.where, cure=cure)

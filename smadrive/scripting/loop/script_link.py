@@ -153,6 +153,8 @@ class ScriptLink:
         )
         text = "" if is_plain else "".join(traceback.format_exception(error))
         keep_outcome(error)
+        if isinstance(error, StoppedError) and (outcome := shutdown_of(error)) is not None and outcome.confirmed:
+            error.args = (f"{error}; {outcome}",)
         self._send(_dumped(self._number, error, text))
 
     def _report(self, progress: RunProgress) -> None:

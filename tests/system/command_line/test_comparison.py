@@ -97,6 +97,7 @@ def test_runs_of_different_kinds_are_compared(folder):
     assert not any(name.startswith(("model:", "heat balance:")) for name in comparison.settings)
     rows = {name: cells for name, *cells in comparison.metric_rows()}
     assert rows["RMS error / %"][1] == "–"
+    assert "displacement span, with approach / mm" in rows
     plots = list(comparison_plots(comparison))
     assert [plot.title for plot in plots] == ["Displacement", "Heat", "Temperature and displacement"]
     displacement, error = plots[0].figure.axes

@@ -53,11 +53,13 @@ def test_first_line_says_what_the_demo_does_before_the_simulator_serves(tmp_path
     with subprocess.Popen(
         [*DEMO, "-o", tmp_path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
-        first, second = process.stdout.readline(), process.stdout.readline()
+        first, second, third = (process.stdout.readline() for _ in range(3))
         process.send_signal(signal.SIGINT)
         process.communicate()
     assert first.startswith("demo: excites a simulated wire, identifies it, tracks a reference twice; takes")
     assert second.startswith("firmware-sim serves")
+    assert "latency_ms" not in second
+    assert third.endswith("s of virtual time\n")
 
 
 def test_default_folder_is_one_that_is_not_in_use(tmp_path, monkeypatch):

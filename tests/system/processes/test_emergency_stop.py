@@ -218,7 +218,7 @@ def test_command_that_is_stopped_ends_with_the_code_of_safety_and_latches_no_tri
     assert "stopped by `smadrive off`" in said
     assert "confirmed by read-back" in said
     (log,) = heated.rig.parent.glob("*.h5")
-    assert read_log(log).ended_by == STOP
+    assert read_log(log).ended_by == f"{STOP}: `smadrive off`"
     assert (done["stopped_drivers"], done["faults"]) == ([{"pid": driver.pid, "killed": False}], [])
 
 
@@ -247,7 +247,7 @@ def test_script_on_an_open_rig_is_stopped(heated):
     assert [note.partition(":")[0] for note in notes] == ["the record of the run up to its end"]
     assert not any(stopped["killed"] for stopped in done["stopped_drivers"])
     log = read_log(heated.rig.parent / "run.h5")
-    assert (log.ended_by, log.is_ended_by_user) == (STOP, True)
+    assert (log.ended_by, log.is_ended_by_user) == (f"{STOP}: `smadrive off`", True)
 
 
 @pytest.mark.parametrize("heated", ["board"], indirect=True)
@@ -258,7 +258,7 @@ def test_idle_script_knows_that_it_was_stopped(heated):
         printed, said = script.communicate("\n")
     assert said == ""
     shown, *errors = printed.splitlines()
-    assert f"state {STOPPED}" in shown
+    assert f"{STOPPED} `smadrive off`" in shown
     assert [error.partition(" ")[0] for error in errors] == ["StoppedError"]
     assert CONFIRMED in errors[0]
 

@@ -193,6 +193,11 @@ def test_current_of_an_own_controller_is_clamped_with_a_caveat(rig, wire):
     assert [str(run.ticks) in caveat for caveat in run.caveats] == [True]
 
 
+def test_negative_current_has_a_caveat(rig, wire):
+    (caveat,) = rig.drive(Constant(-0.1), wire).caveats
+    assert "negative (lowest -0.1 A)" in caveat
+
+
 def test_current_in_milliamperes_is_an_error_before_any_heat(rig, wire):
     with pytest.raises(ControllerError) as caught:
         rig.drive(Constant(300.0), wire, "milli.h5")

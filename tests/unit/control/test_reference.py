@@ -135,9 +135,10 @@ def test_value_out_of_bounds_is_rejected_by_its_key(spec, error, key):
         ([0, 1, 1], [0, 1, 2], "reference: time_s of sample 3", "1 s", "1 s"),
         ([0, 2, 1], [0, 1, 2], "reference: time_s of sample 3", "1 s", "2 s"),
         ([0, 1, 2], [0, np.nan, 2], "reference: displacement_mm of sample 2", pytest.approx(np.nan, nan_ok=True), None),
-        ([0, 1], [0, 1, 2], "reference", ((2,), (3,)), None),
-        ([0], [0], "reference", ((1,), (1,)), None),
-        ([0, 10], [2], "reference", ((2,), (1,)), None),
+        ([0, 1], [0, 1, 2], "reference", "2 times and 3 displacements", None),
+        ([0], [0], "reference", "1 times and 1 displacements", None),
+        ([0, 10], [2], "reference", "2 times and 1 displacements", None),
+        ([[0, 1]], [[1, 2]], "reference", "shapes (1, 2) and (1, 2)", None),
         ([0, 86_401], [0, 1], "reference", "86401 s", "86400 s"),
         ([0, 1e300], [0, 1], "reference", "1e+300 s", "86400 s"),
         ([-1.7e308, 1.7e308], [0, 1], "reference", "inf s", "86400 s"),
@@ -216,6 +217,7 @@ def test_reference_within_the_travel_of_the_wire_is_accepted():
         (9, (0.0, 8.0), "reference: highest value", "9 mm", "0 to 8 mm"),
         (9, (3.0, 12.0), "reference: lowest value", "2 mm", "3 to 12 mm"),
         (3000, (0.0, 12.0), "reference: highest value", "3000 mm", "0 to 12 mm"),
+        (13, (-0.00598054, 12.0002), "reference: highest value", "13 mm", "-0.006 to 12 mm"),
     ],
 )
 def test_reference_beyond_the_travel_of_the_wire_is_rejected(high_mm, ends_mm, where, value, limit):

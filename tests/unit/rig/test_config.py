@@ -124,6 +124,7 @@ def edited(folder, **tables):
         ({"devices": [{"name": "a", "profile": "sma-reference", "url": "sim://x"}] * 2}, "same name"),
         ({"excitation": {"low_c": 130.0}}, r"excitation\.low_c = 130"),
         ({"excitation": {"high_c": 140.0}}, r"limits\.temperature_max_c = 135"),
+        ({"excitation": {"high_c": 318.0}}, r"Is it in kelvin\? 318 K is 45 °C"),
         ({"limits": {"temperature_min_c": 200.0}}, r"limits\.temperature_min_c = 200"),
         ({"limits": {"displacement_min_mm": 5.0, "displacement_max_mm": 4.0}}, r"limits\.displacement_min_mm = 5"),
         ({"limits": {"watchdog_s": 0.05}}, r"limits\.watchdog_s = 0\.05"),
