@@ -20,27 +20,26 @@ The fit uses the temperature of the wire, not the reading of the thermocouple, a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from smadrive.errors import IdentificationError
 from smadrive.identification.excitation import ExcitationRecord
-from smadrive.wire.resistance import LEAST_NODES, WireResistance, spline_design
+from smadrive.identification.resistance_design import (
+    LinearFit,
+    ResistanceDesign,
+    ResistanceSamples,
+    fitted,
+    resistance_design,
+)
+from smadrive.wire.resistance import WireResistance, spline_design
 from smadrive.wire.wire_model import WireModel
 
 Array = NDArray[np.float64]
 
 FIT = "resistance fit"
 """The part `where` of the errors in this file."""
-
-NODE_C = 4.0
-"""Distance of the nodes of g, K. An R-phase changes the resistance within about 10 K."""
-
-BENDS = (3e-4, 1e-2)
-"""Expected second differences of g at its nodes, as shares of the resistance. An R-phase of 5 % needs 0.01."""
 
 RATE_SAMPLES = 3
 """The rate of the resistance is a difference over this number of samples, on each side."""
@@ -50,9 +49,6 @@ MIN_CURRENT_FRACTION, MIN_SAMPLES = 0.1, 200
 
 OUTLIER = 5.0
 """Samples with a larger residual, in standard deviations, are left out: the current changed while it was measured."""
-
-STRAIN, STRAIN_SPREAD, MOST_STRAIN = 0.04, 0.01, 0.1
-"""Contraction of usual actuator wire over its stroke, its standard deviation, and the largest possible contraction."""
 
 LEAST_CHANGE = 10.0
 """The change of the resistance over the stroke must be at least this number of standard errors."""
@@ -79,52 +75,6 @@ class ResistanceFit:
     noise_phase: float
 
 
-class _Samples(NamedTuple):
-    """The samples of the fit, each (samples,). `rate` is dR/dt, Ω/s, or 0 before the first fit."""
-
-    time_s: Array
-    temperature_c: Array
-    phase: Array
-    ohm: Array
-    current_a: Array
-    rate: Array
-
-
-class _Design(NamedTuple):
-    """The linear problem for any contraction: samples, nodes of g, their matrix (samples, nodes), and the penalty.
-
-    `warmer_k` is the temperature above the reference temperature. `penalty` is (parameters, parameters), for bends of
-    1 Ω and a noise of 1 V.
-    """
-
-    samples: _Samples
-    nodes: Array
-    spline: Array
-    warmer_k: Array
-    penalty: Array
-
-
-class _Linear(NamedTuple):
-    """The solution of the linear problem for one contraction and one penalty.
-
-    `residual_v` is weighted with the current. `inverse` is the inverse of the normal matrix. `matrix` maps the
-    parameters to the resistances. `freedom` is the number of parameters that the penalty leaves free. `cost_v2` is the
-    sum of squares, with that of the tied contraction.
-    """
-
-    parameters: Array
-    residual_v: Array
-    inverse: Array
-    matrix: Array
-    freedom: float
-    cost_v2: float
-
-    @property
-    def cross_validation(self) -> float:
-        """The criterion of the generalised cross-validation; smaller is better."""
-        return float(np.sum(self.residual_v**2)) / (self.residual_v.size - self.freedom) ** 2
-
-
 def identify_resistance(record: ExcitationRecord, temperature_c: Array, wire: WireModel) -> ResistanceFit:
     """Fit the resistance to a record whose wire had the temperatures `temperature_c`, °C.
 
@@ -133,9 +83,9 @@ def identify_resistance(record: ExcitationRecord, temperature_c: Array, wire: Wi
     """
     samples = _samples(record, temperature_c, wire)
     reference_c = float(np.mean(samples.temperature_c))
-    _, rough = _fitted(_design(samples, reference_c))
-    design = _design(_refined(samples, rough), reference_c)
-    strain, linear = _fitted(design)
+    _, rough = fitted(resistance_design(samples, reference_c))
+    design = resistance_design(_refined(samples, rough), reference_c)
+    strain, linear = fitted(design)
     degrees = linear.residual_v.size - linear.freedom
     noise_v = float(np.sqrt(np.sum(linear.residual_v**2) / degrees))
     covariance = noise_v**2 * _fewer(linear.residual_v) * linear.inverse
@@ -149,12 +99,13 @@ def identify_resistance(record: ExcitationRecord, temperature_c: Array, wire: Wi
     return _judged(resistance, design, covariance, linear.residual_v)
 
 
-def _samples(record: ExcitationRecord, temperature_c: Array, wire: WireModel) -> _Samples:
+def _samples(record: ExcitationRecord, temperature_c: Array, wire: WireModel) -> ResistanceSamples:
     current = record.current_a
     if not np.any(current > 0.0) or not np.any(record.voltage_v > 0.0):
         raise IdentificationError(
             "the record has no current or no voltage, so the resistance is unknown",
             where=FIT,
+            value=f"at most {current.max():g} A and {record.voltage_v.max():g} V",
             cure="record the excitation with a device that measures both",
         )
     used = (current > MIN_CURRENT_FRACTION * current.max()) & (record.voltage_v > 0.0)
@@ -165,70 +116,18 @@ def _samples(record: ExcitationRecord, temperature_c: Array, wire: WireModel) ->
         )
     phase = (record.displacement_mm - wire.cold_mm) / wire.travel_mm
     ohm = record.voltage_v[used] / current[used]
-    return _Samples(record.time_s[used], temperature_c[used], phase[used], ohm, current[used], np.zeros(ohm.size))
+    time_s, no_rate = record.time_s[used], np.zeros(ohm.size)
+    return ResistanceSamples(time_s, temperature_c[used], phase[used], ohm, current[used], no_rate)
 
 
-def _refined(samples: _Samples, rough: _Linear) -> _Samples:
+def _refined(samples: ResistanceSamples, rough: LinearFit) -> ResistanceSamples:
     """Return the samples without outliers, with the rate of the resistance by the first fit."""
     large = OUTLIER * float(np.median(np.abs(rough.residual_v))) / 0.6745
     good = np.abs(rough.residual_v) <= large
-    fitted, many, last = rough.matrix @ rough.parameters, RATE_SAMPLES, samples.ohm.size - 1
+    ohm, many, last = rough.matrix @ rough.parameters, RATE_SAMPLES, samples.ohm.size - 1
     before, after = np.maximum(np.arange(last + 1) - many, 0), np.minimum(np.arange(last + 1) + many, last)
-    rate = (fitted[after] - fitted[before]) / (samples.time_s[after] - samples.time_s[before])
-    return _Samples(*(column[good] for column in samples._replace(rate=rate)))
-
-
-def _design(samples: _Samples, reference_c: float) -> _Design:
-    low, high = float(samples.temperature_c.min()), float(samples.temperature_c.max())
-    nodes = np.linspace(low, high, max(LEAST_NODES, round((high - low) / NODE_C) + 1))
-    bends = np.zeros((nodes.size - 2, 3 + nodes.size))
-    bends[:, 3:] = np.diff(np.eye(nodes.size), 2, axis=0)
-    spline = spline_design(samples.temperature_c, nodes)
-    return _Design(samples, nodes, spline, samples.temperature_c - reference_c, bends.T @ bends)
-
-
-def _fitted(design: _Design) -> tuple[float, _Linear]:
-    """Return contraction and solution, with the penalty of the smallest cross-validation."""
-    samples = design.samples
-    noise_v = _coarse_noise_v(samples.ohm * samples.current_a)
-    penalties = [(noise_v / (bend * float(np.median(samples.ohm)))) ** 2 for bend in BENDS]
-    fits = []
-    for penalty in penalties:
-        strain = _strain(design, penalty, noise_v)
-        fits.append((strain, _solved(design, strain, penalty, noise_v)))
-    return min(fits, key=lambda fit: fit[1].cross_validation)
-
-
-def _strain(design: _Design, penalty: float, noise_v: float) -> float:
-    """Return the contraction e with the smallest cost."""
-
-    def cost_v2(strain: float) -> float:
-        return _solved(design, strain, penalty, noise_v).cost_v2
-
-    return float(minimize_scalar(cost_v2, bounds=(0.0, MOST_STRAIN), method="bounded", options={"xatol": 1e-3}).x)
-
-
-def _solved(design: _Design, strain: float, penalty: float, noise_v: float) -> _Linear:
-    """Solve the linear problem for one contraction. The residual is weighted with the current, so it is a voltage."""
-    samples = design.samples
-    geometry = (1.0 - strain * samples.phase) ** 2
-    martensite, austenite = geometry * (1.0 - samples.phase), geometry * samples.phase
-    columns = martensite, martensite * design.warmer_k, -samples.rate, austenite[:, None] * design.spline
-    matrix = np.column_stack(columns)
-    weighted, target = matrix * samples.current_a[:, None], samples.ohm * samples.current_a
-    data = weighted.T @ weighted
-    inverse = np.linalg.pinv(data + penalty * design.penalty, hermitian=True)
-    parameters = inverse @ (weighted.T @ target)
-    residual_v = target - weighted @ parameters
-    bent_v2 = penalty * float(parameters @ design.penalty @ parameters)
-    tied_v2 = (noise_v * (strain - STRAIN) / STRAIN_SPREAD) ** 2
-    freedom = float(np.trace(inverse @ data))
-    return _Linear(parameters, residual_v, inverse, matrix, freedom, float(residual_v @ residual_v) + bent_v2 + tied_v2)
-
-
-def _coarse_noise_v(voltage_v: Array) -> float:
-    """Return the noise of the voltage, from its second differences. It sets the strength of the penalties."""
-    return float(np.median(np.abs(np.diff(voltage_v, 2))) / 0.6745 / np.sqrt(6.0)) + 1e-6
+    rate = (ohm[after] - ohm[before]) / (samples.time_s[after] - samples.time_s[before])
+    return ResistanceSamples(*(column[good] for column in samples._replace(rate=rate)))
 
 
 def _fewer(residual: Array) -> float:
@@ -237,7 +136,9 @@ def _fewer(residual: Array) -> float:
     return (1.0 + correlation) / (1.0 - correlation)
 
 
-def _judged(resistance: WireResistance, design: _Design, covariance: Array, residual_v: Array) -> ResistanceFit:
+def _judged(
+    resistance: WireResistance, design: ResistanceDesign, covariance: Array, residual_v: Array
+) -> ResistanceFit:
     """Return the fit with its intervals. IdentificationError if the resistance says too little of the displacement."""
     samples = design.samples
     middle_c = float(np.median(samples.temperature_c))

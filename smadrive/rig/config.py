@@ -13,6 +13,7 @@ from smadrive.errors import ConfigError
 from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import RIG
 from smadrive.files.shipped import config_file
+from smadrive.measurement import DisplacementFrom
 
 
 class DeviceConfig(Section):
@@ -96,7 +97,10 @@ LOOP_PERIODS = 2.5
 
 
 class RigConfig(Section):
-    """The content of a rig file."""
+    """The content of a rig file.
+
+    `displacement_from` is the source of the displacement in a run: `sensor`, `resistance` or `none`.
+    """
 
     name: str
     wire: str
@@ -107,6 +111,7 @@ class RigConfig(Section):
     excitation: ExcitationConfig
     feedback: FeedbackConfig = Field(default_factory=FeedbackConfig, validate_default=True)
     calibration: CalibrationConfig = CalibrationConfig()
+    displacement_from: DisplacementFrom = DisplacementFrom.SENSOR
 
     @field_validator("feedback")
     @classmethod

@@ -28,6 +28,7 @@ from smadrive.runs.log.writer import GROWTH_ROWS
 from smadrive.runs.session_record import KIND
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.resistance import WireResistance
 
 _row = row_getter(COLUMNS)
 
@@ -40,6 +41,10 @@ OWN_CONTROLLER = "own controller"
 STEP = "manual step"
 """The metadata text `kind` of a run of the command `heat`."""
 
+BY_RESISTANCE = "warning: the displacement sensor has failed, the resistance of the wire replaces it"
+BY_SENSOR = "the displacement sensor is valid again and used"
+"""The events when the source of the displacement changes."""
+
 OBSERVATION = "observation"
 """The metadata text `kind` of a log of the command `watch`: measurements without heat."""
 
@@ -49,19 +54,22 @@ _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 class TickRecorder(Recorder):
     """Records the ticks of a loop: a row for each tick, and events.
 
-    An event is written when the faults change, and when a limit acts for the first time.
+    An event is written when the faults change, when a limit acts for the first time, and when the source of the
+    displacement changes between a sensor and the resistance.
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, str], rows: int) -> None:
         super().__init__(path, tuple(COLUMNS), metadata, rows)
         self._reported_limits: set[str] = set()
         self._faults: tuple[str, ...] = ()
+        self._uses_resistance: bool | None = None
 
     def tick(self, tick: Tick) -> None:
         """Record one tick of the loop. DataError when the log cannot be written."""
         self.row(_row(tick))
         self._report_faults(tick.measurement)
         self._report_limits(tick.measurement)
+        self._report_source(tick)
 
     def _report_faults(self, measurement: Measurement) -> None:
         faults = measurement.device_faults
@@ -76,6 +84,15 @@ class TickRecorder(Recorder):
             if limit not in self._reported_limits:
                 self._reported_limits.add(limit)
                 self.event(f"limited by {limit} for the first time")
+
+    def _report_source(self, tick: Tick) -> None:
+        """Write an event when the resistance replaces a displacement sensor, or gives way to it again."""
+        uses_resistance = bool(tick.command.uses_resistance)
+        sensed = uses_resistance or isfinite(tick.measurement.displacement_mm)
+        if self._uses_resistance is not None and uses_resistance is not self._uses_resistance and sensed:
+            self.event(BY_RESISTANCE if uses_resistance else BY_SENSOR)
+        if sensed:
+            self._uses_resistance = uses_resistance
 
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:
@@ -101,13 +118,14 @@ def record_tracking(
     model: IdentifiedModel,
     balance: HeatBalance,
     inverse: DisplacementInverse,
+    resistance: WireResistance | None = None,
     **notes: str,
 ) -> TickRecorder:
     """Create the log of a tracking run, and return its recorder. `notes` are further metadata, for example a seed."""
     metadata = {
         "kind": "tracking",
         "reference": reference_text(reference),
-        "wire": IdentifiedWire(model, balance).text(),
+        "wire": IdentifiedWire(model, balance, resistance=resistance).text(),
         "inverse": "hysteresis" if isinstance(inverse, HysteresisInverse) else "plain map",
     }
     return _open(path, rig, {**metadata, **notes}, reference.duration_s)

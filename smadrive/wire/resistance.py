@@ -46,6 +46,9 @@ LEAST_NODES = 3
 NUMBERS = ("reference_c", "martensite_ohm", "martensite_ohm_per_k", "strain", "noise_v", "error_ohm", "delay_s")
 """The parameters that are single numbers."""
 
+SPLINE = ("nodes_c", "austenite_ohm")
+"""The parameters that are lists of numbers."""
+
 
 @dataclass(frozen=True)
 class WireResistance:

@@ -29,7 +29,11 @@ For an unknown wire a failing thermocouple is detected later. This limit makes t
 
 
 class Command(NamedTuple):
-    """The commanded heater current, with setpoints, estimates and power. A value that the controller lacks is NaN."""
+    """The commanded heater current, with setpoints, estimates and power. A value that the controller lacks is NaN.
+
+    `by_resistance_mm` is the displacement by the resistance of the wire, `by_resistance_sd_mm` its standard deviation.
+    `uses_resistance` is 1 while the controller uses it, otherwise 0.
+    """
 
     commanded_a: float
     setpoint_c: float = nan
@@ -37,6 +41,9 @@ class Command(NamedTuple):
     estimated_c: float = nan
     estimated_mm: float = nan
     power_w: float = nan
+    by_resistance_mm: float = nan
+    by_resistance_sd_mm: float = nan
+    uses_resistance: float = 0.0
 
 
 class Controller(Protocol):

@@ -18,7 +18,7 @@ The larger gain follows a draft, but also the noise. The innovation test (innova
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, log
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +52,9 @@ PHASE_NOISE = 0.003
 
 MOST_NOISES = 10.0
 
+NOISE_STEP = 2.0
+"""Ratio of neighbouring noises for which the gain is solved."""
+
 SLOPES = 9
 """Number of slopes for which the gain is solved, from zero to the steepest of the model."""
 
@@ -71,6 +74,34 @@ class Correction(NamedTuple):
     thermocouple_c: float
     disturbance_w: float
     phase: float
+
+
+class GainsByNoise:
+    """Gain schedules for several noises of the measured displacement, because that by the resistance varies.
+
+    `noise` is the smallest noise, in shares of the travel. There are `noises` schedules; each has `NOISE_STEP` times
+    the noise of the schedule before. Between two noises the corrections are interpolated over the logarithm of the
+    noise. A larger noise counts as the largest.
+    """
+
+    def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float, noises: int = 1) -> None:
+        self._noise, self._last = noise, noises - 1
+        self._schedules = [GainSchedule(wire, period_s, noise_c, noise * NOISE_STEP**level) for level in range(noises)]
+
+    def by_reading(self, read_c: float, doubt: float) -> Correction:
+        """Return the correction when only the thermocouple is measured; see GainSchedule."""
+        return self._schedules[0].by_reading(read_c, doubt)
+
+    def by_both(self, slope: float, read_c: float, seen: float, doubt: float, noise: float) -> Correction:
+        """Return the correction for a displacement with the standard deviation `noise`; see GainSchedule."""
+        place = min(log(max(noise / self._noise, 1.0)) / log(NOISE_STEP), self._last)
+        level = int(place)
+        below = self._schedules[level].by_both(slope, read_c, seen, doubt)
+        if place == level:
+            return below
+        above = self._schedules[level + 1].by_both(slope, read_c, seen, doubt)
+        share = place - level
+        return Correction(*[low + share * (high - low) for low, high in zip(below, above, strict=True)])
 
 
 class GainSchedule:
