@@ -66,6 +66,7 @@ class ResistanceFit:
     change           relative change from the cold to the hot wire at one temperature, in the middle of the loop
     rms_ohm          RMS of the residual, Ω
     noise_phase      noise of the phase of one sample, at the median current
+    temperature_c, phase, ohm   the samples, each (samples,)
     """
 
     resistance: WireResistance
@@ -73,6 +74,9 @@ class ResistanceFit:
     change: float
     rms_ohm: float
     noise_phase: float
+    temperature_c: Array
+    phase: Array
+    ohm: Array
 
 
 def identify_resistance(record: ExcitationRecord, temperature_c: Array, wire: WireModel) -> ResistanceFit:
@@ -165,4 +169,5 @@ def _judged(
         "change": 1.96 * error_ohm / ends[0],
     }
     rms_ohm = float(np.sqrt(np.mean((residual_v / samples.current_a) ** 2)))
-    return ResistanceFit(resistance, within, ends[1] / ends[0] - 1.0, rms_ohm, noise_phase)
+    change, columns = ends[1] / ends[0] - 1.0, (samples.temperature_c, samples.phase, samples.ohm)
+    return ResistanceFit(resistance, within, change, rms_ohm, noise_phase, *columns)

@@ -101,11 +101,16 @@ def sense_current(wire: WireModel, resistance: WireResistance) -> SenseCurrent:
     return SenseCurrent(current_a, resistance.noise_v / (current_a * slope), current_a**2 * ohm / loss_w)
 
 
-def observability_text(wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
-    """Return what limits the displacement by the resistance, one sentence each."""
+def sense_text(wire: WireModel, resistance: WireResistance) -> str:
+    """Return the sense current, its heat and its noise as a sentence."""
     sense = sense_current(wire, resistance)
     heat = f"the sense current of {1e3 * sense.current_a:.0f} mA heats with {100 * sense.heat:.1f} % of the heat loss"
-    sentences = [f"{heat}, and one sample then has a noise of {100 * sense.noise:.1f} % of the stroke"]
+    return f"{heat}, and one sample then has a noise of {100 * sense.noise:.1f} % of the stroke"
+
+
+def lost_text(wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
+    """Return the bands that are lost to the resistance, one sentence each."""
+    sentences = []
     for rising, way in ((True, "heating"), (False, "cooling")):
         if (band := lost_band(wire, resistance, rising=rising)) is not None:
             where = f"on {way}, from {band[0]:.2g} to {band[1]:.2g} mm"

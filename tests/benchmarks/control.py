@@ -59,7 +59,7 @@ class SimulatedRig:
         device = simulated_device(sim if sensor else sim.model_copy(update={"displacement": None}), seed=seed)
         clock = VirtualClock()
         clock.follow(device.bench.advance_to)
-        self.plant = device.bench.plant
+        self.device, self.plant = device, device.bench.plant
         self.rig = Rig(RIG, transports={"board": device.transport(clock)})
 
 

@@ -50,6 +50,9 @@ DISTURBED = ProcessNoise(0.1, 20.0)
 PHASE_NOISE = 0.003
 """Error of the hysteresis model: standard deviation of the phase after one second."""
 
+SLOW_PHASE_NOISE = 0.001
+"""The same for a noisy displacement. It is smaller, because over seconds the errors of the model cancel in part."""
+
 MOST_NOISES = 10.0
 
 NOISE_STEP = 2.0
@@ -86,7 +89,10 @@ class GainsByNoise:
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float, noises: int = 1) -> None:
         self._noise, self._last = noise, noises - 1
-        self._schedules = [GainSchedule(wire, period_s, noise_c, noise * NOISE_STEP**level) for level in range(noises)]
+        self._schedules = [
+            GainSchedule(wire, period_s, noise_c, noise * NOISE_STEP**level, SLOW_PHASE_NOISE if level else PHASE_NOISE)
+            for level in range(noises)
+        ]
 
     def by_reading(self, read_c: float, doubt: float) -> Correction:
         """Return the correction when only the thermocouple is measured; see GainSchedule."""
@@ -112,16 +118,19 @@ class GainSchedule:
     the phase. `doubt` goes from 0, for the gains in calm air, to 1, for the gains in a disturbance. The larger gains
     apply to at most `MOST_NOISES` standard deviations of the noise, because a spike of a sensor is no disturbance. The
     standard deviations of the noise are `noise_c` of the thermocouple, K, and `noise` of the measured phase.
+    `phase_noise` is the error of the hysteresis model, the standard deviation of the phase after one second.
     """
 
-    def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float) -> None:
+    def __init__(
+        self, wire: WireModel, period_s: float, noise_c: float, noise: float, phase_noise: float = PHASE_NOISE
+    ) -> None:
         balance = wire.balance
         slopes = np.linspace(0.0, _steepest(wire), SLOPES).tolist()
         noises = np.diag([noise_c**2, noise**2])
         self._apart = slopes[1]
         self._most_c, self._most = MOST_NOISES * noise_c, MOST_NOISES * noise
         self._calm, self._disturbed = (
-            [_joint_gain(balance, slope, period_s, noises, process).tolist() for slope in slopes]
+            [_joint_gain(balance, slope, period_s, noises, process, phase_noise).tolist() for slope in slopes]
             for process in (CALM, DISTURBED)
         )
         self._calm_reading, self._disturbed_reading = (
@@ -172,14 +181,14 @@ def _reading_gain(balance: HeatBalance, period_s: float, noise_c: float, process
 
 
 def _joint_gain(
-    balance: HeatBalance, slope: float, period_s: float, noise: Array, process_noise: ProcessNoise
+    balance: HeatBalance, slope: float, period_s: float, noise: Array, process_noise: ProcessNoise, phase_noise: float
 ) -> Array:
     transition = np.eye(4)
     process = np.zeros((4, 4))
     transition[:3, :3], process[:3, :3] = _thermal(balance, period_s, slope, process_noise)
     transition[3, :3] = slope * (transition[0, :3] - [1.0, 0.0, 0.0])
     process[0, 3] = process[3, 0] = slope * process[0, 0]
-    process[3, 3] = slope**2 * process[0, 0] + period_s * PHASE_NOISE**2
+    process[3, 3] = slope**2 * process[0, 0] + period_s * phase_noise**2
     reads = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
     return _gain(transition, reads, process, noise)
 

@@ -16,7 +16,7 @@ from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.planned_device import PlannedDevice
-from smadrive.wire.observability import branch_of, cold_c, observability_text
+from smadrive.wire.observability import branch_of, cold_c, lost_text
 from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
@@ -93,7 +93,7 @@ def resolution_error(wire: WireModel, resistance: WireResistance, quantum_a: flo
 
 def _lead_doubts(wire: WireModel, resistance: WireResistance, temperature_c: float) -> tuple[str, ...]:
     """Return what limits the displacement by the resistance, and a warning if the leads cannot be measured."""
-    texts = observability_text(wire, resistance)
+    texts = lost_text(wire, resistance)
     if temperature_c < cold_c(wire, resistance):
         return texts
     warm = f"the wire is at {temperature_c:.0f} °C, not cold, so a change of leads and contacts cannot be measured"
