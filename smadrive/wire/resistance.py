@@ -38,8 +38,11 @@ CELLS_PER_NODE = 16
 FAR_C = 200.0
 """The spline continues as a straight line for this distance beyond its nodes, K."""
 
-STEPS = 3
-"""Newton steps to the phase. The resistance is nearly linear in the phase, so each step gains three digits."""
+STEPS = 4
+"""Newton steps to the phase. The resistance is nearly linear in the phase, so each step gains several digits."""
+
+CLOSE = 1e-6
+"""A smaller step to the phase is the last one: the next step would be far below this."""
 
 LEAST_NODES = 3
 
@@ -82,7 +85,7 @@ class WireResistance:
         for name, values in (("martensite_ohm", (self.martensite_ohm,)), ("austenite_ohm", self.austenite_ohm)):
             if not all(0.0 < value < np.inf for value in values):
                 raise ModelError("not positive", where=f"resistance: {name}", value=min(values))
-        for name in ("noise_v", "error_ohm", "delay_s"):
+        for name in ("noise_v", "error_ohm"):
             if not getattr(self, name) >= 0.0:
                 raise ModelError("negative", where=f"resistance: {name}", value=getattr(self, name))
         if not 0.0 <= self.strain < 1.0:
@@ -114,8 +117,10 @@ class WireResistance:
             slope = self._slope(martensite, austenite, phase)
             if slope == 0.0:
                 return np.nan
-            phase += (ohm - geometry**2 * (martensite + (austenite - martensite) * phase)) / slope
-            phase = min(max(phase, -1.0), 2.0)
+            step = (ohm - geometry**2 * (martensite + (austenite - martensite) * phase)) / slope
+            phase = min(max(phase + step, -1.0), 2.0)
+            if abs(step) < CLOSE:
+                break
         return phase
 
     def _slope(self, martensite: float, austenite: float, phase: float) -> float:

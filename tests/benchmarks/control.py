@@ -1,11 +1,11 @@
 """Tracking errors of wires that the controller does not know: python tests/benchmarks/control.py --plants 50
 
 Every plant is random. It is excited and identified like a real wire, then tracked on the in-process rig in virtual
-time, without and with a displacement sensor in the run. The error is setpoint minus true displacement after the
-approach, in % of the true stroke. The table gives median and worst over the plants; plants whose hysteresis is a
-Preisach model have their own rows. The sine is tracked as requested. The other references are first smoothed to the
-fastest possible cooling, and all controllers of a plant track the same smoothed reference. With --disturbance, the
-surroundings or the load of the wire change at a random time of every run.
+time: without displacement, with the displacement by the resistance, and with a displacement sensor. The error is
+setpoint minus true displacement after the approach, in % of the true stroke. The table gives median and worst over the
+plants; plants whose hysteresis is a Preisach model have their own rows. The sine is tracked as requested. The other
+references are first smoothed to the fastest possible cooling, and all controllers of a plant track the same smoothed
+reference. With --disturbance, the surroundings or the load of the wire change at a random time of every run.
 """
 
 from __future__ import annotations
@@ -32,6 +32,7 @@ from smadrive.control.references.shapes import chirp, sine, steps, trapezoid
 from smadrive.errors import SmadriveError
 from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.wire import FitSettings, identify_hysteresis, identify_wire
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
 from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
@@ -49,6 +50,7 @@ DISTURBANCES = {
     "more load": lambda plant: plant.load.step_load(60.0),
     "less load": lambda plant: plant.load.step_load(-60.0),
 }
+SOURCES = (DisplacementFrom.NONE, DisplacementFrom.RESISTANCE, DisplacementFrom.SENSOR)
 CONTROLLERS = ("T-S inverse", "Duhem inverse", "no hysteresis compensation", "PID only")
 
 
@@ -59,7 +61,7 @@ class SimulatedRig:
         device = simulated_device(sim if sensor else sim.model_copy(update={"displacement": None}), seed=seed)
         clock = VirtualClock()
         clock.follow(device.bench.advance_to)
-        self.device, self.plant = device, device.bench.plant
+        self.plant = device.bench.plant
         self.rig = Rig(RIG, transports={"board": device.transport(clock)})
 
 
@@ -83,10 +85,11 @@ def identified(sim: SimConfig, seed: int, *, baselines: bool) -> Wire:
     )
     fit = identify_wire(record, nominal)
     temperature_c, balance = fit.thermal.wire_temperature_c, fit.thermal.balance
-    models = {CONTROLLERS[0]: WireModel(fit.hysteresis.model, balance)}
+    resistance = None if fit.resistance is None else fit.resistance.resistance
+    models = {CONTROLLERS[0]: WireModel(fit.hysteresis.model, balance, resistance)}
     if baselines:
         duhem = identify_hysteresis(temperature_c, record.displacement_mm, FitSettings("duhem"))
-        models[CONTROLLERS[1]] = WireModel(duhem.model, balance)
+        models[CONTROLLERS[1]] = WireModel(duhem.model, balance, resistance)
     return Wire(sim, models, StaticMap(temperature_c, record.displacement_mm))
 
 
@@ -145,10 +148,11 @@ class DisplacementPid:
         return Command(self._balance.current_a(power_w, 0.0), setpoint_mm=setpoint_mm, power_w=power_w)
 
 
-def controller(name: str, wire: Wire, reference: Reference, *, sensor: bool):
-    settings, model = tracking_settings(RIG), wire.models.get(name, wire.models[CONTROLLERS[0]])
+def controller(name: str, wire: Wire, reference: Reference, source: DisplacementFrom):
+    settings = replace(tracking_settings(RIG), displacement_from=source)
+    model = wire.models.get(name, wire.models[CONTROLLERS[0]])
     if name == "PID only":
-        if sensor:
+        if source is DisplacementFrom.SENSOR:
             return DisplacementPid(reference, model, settings.current_limit_a)
         settings = replace(settings, feedforward_share=0.0)
     inverse = HysteresisInverse(model.model) if name in wire.models else wire.plain
@@ -156,10 +160,10 @@ def controller(name: str, wire: Wire, reference: Reference, *, sensor: bool):
 
 
 def track(
-    name: str, wire: Wire, reference: Reference, seed: int, *, sensor: bool, disturbance: str
+    name: str, wire: Wire, reference: Reference, seed: int, source: DisplacementFrom, disturbance: str
 ) -> tuple[float, float]:
     """Return the RMS and the largest error of one run in %. Both are infinite after a trip."""
-    simulated, rows = SimulatedRig(wire.sim, seed, sensor=sensor), []
+    simulated, rows = SimulatedRig(wire.sim, seed, sensor=source is DisplacementFrom.SENSOR), []
     coming = [reference.scored_from_s + Random(seed).uniform(5.0, 60.0)]
 
     def record(tick):
@@ -170,11 +174,11 @@ def track(
 
     try:
         with simulated.rig as rig:
-            tracking = controller(name, wire, reference, sensor=sensor)
+            tracking = controller(name, wire, reference, source)
             identified_wire = wire.models[CONTROLLERS[0]]
             rig.drive(tracking, identified_wire.balance, record, identified_wire.model)
     except SmadriveError as error:
-        print(f"    {name}, {'with' if sensor else 'without'} sensor: {error}")
+        print(f"    {name}, displacement from {source}: {error}")
         return np.inf, np.inf
     time_s, reached_mm = np.array(rows).T
     setpoint_mm = np.array([reference.value_mm(t) for t in time_s])
@@ -183,7 +187,7 @@ def track(
 
 
 def study(plants: int, others: int, baselines: int, seed: int, kind: HysteresisKind | None, disturbance: str):
-    """Return the errors of all runs: {(wires, reference, controller, sensor): [(rms, max) for each plant]}."""
+    """Return the errors of all runs: {(wires, reference, controller, source): [(rms, max) for each plant]}."""
     results = defaultdict(list)
     for number in range(seed, seed + plants):
         compared = number < seed + baselines
@@ -192,28 +196,24 @@ def study(plants: int, others: int, baselines: int, seed: int, kind: HysteresisK
         wire = identified(sim, number, baselines=compared)
         for title, reference in references(wire.models[CONTROLLERS[0]], others=number < seed + others).items():
             for name in CONTROLLERS if compared else CONTROLLERS[:1]:
-                for sensor in (False, True):
-                    figures = track(name, wire, reference, number + 1000, sensor=sensor, disturbance=disturbance)
-                    results[wires, title, name, sensor].append(figures)
-        errors = [
-            f"{' / '.join(f'{x:.2f}' for x in results[wires, SINE, CONTROLLERS[0], s][-1])} %" for s in (False, True)
-        ]
-        print(
-            f"plant {number}, {sim.transformation.kind}: sine, RMS / max {errors[0]} without sensor, {errors[1]} with",
-            flush=True,
-        )
+                for source in SOURCES:
+                    figures = track(name, wire, reference, number + 1000, source, disturbance)
+                    results[wires, title, name, source].append(figures)
+        latest = {source: results[wires, SINE, CONTROLLERS[0], source][-1] for source in SOURCES}
+        errors = ", ".join(f"{source} {rms:.2f} / {most:.2f} %" for source, (rms, most) in latest.items())
+        print(f"plant {number}, {sim.transformation.kind}: sine, RMS / max: {errors}", flush=True)
     return results
 
 
 def table(results) -> None:
-    print(f"\n{'% of stroke':66}{'without displacement':26}with displacement")
-    print(f"{'wires':10}{'reference':19}{'controller':28}plants   {'RMS worst    max worst     ' * 2}")
+    print(f"\n{'% of stroke':66}{'without displacement':28}{'by resistance':28}with a sensor")
+    print(f"{'wires':10}{'reference':19}{'controller':28}plants   {'RMS worst    max worst     ' * 3}")
     for wires, title, name in sorted(dict.fromkeys(key[:3] for key in results), key=lambda key: key[0]):
         cells = []
-        for sensor in (False, True):
-            figures = np.array(results[wires, title, name, sensor])
+        for source in SOURCES:
+            figures = np.array(results[wires, title, name, source])
             cells.append("  ".join(f"{np.median(c):5.2f} {c.max():5.2f}" for c in figures.T))
-        print(f"{wires:10}{title:19}{name:28}{len(figures):5}  {cells[0]}  {cells[1]}")
+        print(f"{wires:10}{title:19}{name:28}{len(figures):5}  {'  '.join(cells)}")
 
 
 if __name__ == "__main__":

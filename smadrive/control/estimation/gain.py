@@ -55,7 +55,7 @@ SLOW_PHASE_NOISE = 0.001
 
 MOST_NOISES = 10.0
 
-NOISE_STEP = 2.0
+NOISE_STEP = 4.0
 """Ratio of neighbouring noises for which the gain is solved."""
 
 SLOPES = 9

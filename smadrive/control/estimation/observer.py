@@ -47,8 +47,8 @@ MOST_DRAFT = 0.8
 The thermocouple alone cannot tell a draft from a bead that comes off. More power would overheat the wire then.
 """
 
-NOISES = 8
-"""Number of noises of the displacement by the resistance: up to 2 to the power of 7 times the noise of a sensor."""
+NOISES = 5
+"""Number of noises of the displacement by the resistance: up to 256 times the noise of a sensor."""
 
 LEAST_EXCESS_C = 5.0
 """Nearer to the ambient temperature than this, K, the power of a draft stays constant."""

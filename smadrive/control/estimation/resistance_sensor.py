@@ -51,6 +51,7 @@ class ResistanceSensor:
 
     def __init__(self, wire: WireModel, resistance: WireResistance) -> None:
         self._wire, self._resistance = wire, resistance
+        self._ohm_per_k = _ohm_per_k(wire, resistance)
         self.cold_c = cold_c(wire, resistance)
         self.floor_a = sense_current(wire, resistance).current_a
 
@@ -81,13 +82,12 @@ class ResistanceSensor:
             phase, noise = 0.0, COLD_PHASE
         else:
             return later
-        ohm = self._ohm(measurement, before, ahead, dt_s)
+        slope = resistance.ohm_per_phase(ahead.temperature_c, phase)
+        ohm = self._ohm(measurement, before, ahead, slope, dt_s)
         if not isfinite(ohm):
             return later
-        slope = resistance.ohm_per_phase(ahead.temperature_c, phase)
         variance = (resistance.noise_v / measurement.current_a) ** 2 + (slope * noise) ** 2
-        per_k = self._ohm_per_k(ahead.temperature_c, phase)
-        least = (per_k * TEMPERATURE_C) ** 2 + resistance.error_ohm**2
+        least = (self._ohm_per_k * TEMPERATURE_C) ** 2 + resistance.error_ohm**2
         return later.measured(ohm - resistance.ohm(ahead.temperature_c, phase), variance, least)
 
     def displacement(
@@ -97,34 +97,36 @@ class ResistanceSensor:
 
         It is unseen without current, with too much noise, and while the wire is cold: its phase is known then.
         """
-        ohm = self._ohm(measurement, before, ahead, dt_s)
-        if not isfinite(ohm) or self._is_cold(before):
-            return UNSEEN
         resistance, temperature_c, wire = self._resistance, ahead.temperature_c, self._wire
         start = wire.phase(ahead.hysteresis)
+        slope = resistance.ohm_per_phase(temperature_c, start)
+        ohm = self._ohm(measurement, before, ahead, slope, dt_s)
+        if not isfinite(ohm) or slope == 0.0 or self._is_cold(before):
+            return UNSEEN
         lead_ohm, lead_variance = lead.estimate()
         phase = resistance.phase(ohm - lead_ohm, temperature_c, start)
-        slope = abs(resistance.ohm_per_phase(temperature_c, start))
-        if not isfinite(phase) or slope == 0.0:
-            return UNSEEN
-        of_temperature = self._ohm_per_k(temperature_c, start) * TEMPERATURE_C
-        constant = lead_variance + resistance.error_ohm**2 + of_temperature**2
-        noise = sqrt((resistance.noise_v / measurement.current_a) ** 2 + AVERAGED * constant) / slope
-        if noise > MOST_NOISE:
+        constant = lead_variance + resistance.error_ohm**2 + (self._ohm_per_k * TEMPERATURE_C) ** 2
+        noise = sqrt((resistance.noise_v / measurement.current_a) ** 2 + AVERAGED * constant) / abs(slope)
+        if not noise < MOST_NOISE or not isfinite(phase):
             return UNSEEN
         return SeenDisplacement(wire.cold_mm + wire.travel_mm * phase, noise * abs(wire.travel_mm))
 
     def _is_cold(self, before: WireEstimate) -> bool:
         return max(before.temperature_c, before.thermocouple_c) < self.cold_c
 
-    def _ohm(self, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float) -> float:
-        """Return the present resistance by voltage and current, Ω; NaN without current."""
+    def _ohm(
+        self, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, slope: float, dt_s: float
+    ) -> float:
+        """Return the present resistance by voltage and current, Ω; NaN without current. `slope` is dR/dξ."""
         if not measurement.current_a > 0.0 or not measurement.voltage_v > 0.0:
             return nan
-        was, now = (
-            self._resistance.ohm(one.temperature_c, self._wire.phase(one.hysteresis)) for one in (before, ahead)
-        )
-        return measurement.voltage_v / measurement.current_a + (now - was) * self._resistance.delay_s / dt_s
+        moved = (ahead.hysteresis.y - before.hysteresis.y) / self._wire.travel_mm
+        change_ohm = slope * moved + self._ohm_per_k * (ahead.temperature_c - before.temperature_c)
+        return measurement.voltage_v / measurement.current_a + change_ohm * self._resistance.delay_s / dt_s
 
-    def _ohm_per_k(self, temperature_c: float, phase: float) -> float:
-        return self._resistance.ohm(temperature_c + 0.5, phase) - self._resistance.ohm(temperature_c - 0.5, phase)
+
+def _ohm_per_k(wire: WireModel, resistance: WireResistance) -> float:
+    """Return the mean slope of the resistance over the temperature at a constant phase, Ω/K."""
+    low_c, high_c = wire.model.input_range
+    rises = [resistance.ohm(high_c, phase) - resistance.ohm(low_c, phase) for phase in (0.0, 0.5, 1.0)]
+    return sum(rises) / len(rises) / (high_c - low_c)

@@ -9,9 +9,10 @@ the model does not count:
 
     d <- d exp(-Δt/FORGET_S) + (change of the source) - (change that the model predicts)
 
-The sensor has failed when |d| of the sensor exceeds `MOST_SHARE` strokes and `MOST_NOISES` standard deviations of the
-resistance, while |d| of the resistance is less than half, in `FAILS_TICKS` ticks in a row. If the sensor agrees with
-the model and the resistance does not, a contact has changed, and the sensor stays.
+The sensor has failed when it disagrees with the resistance, and |d| of the sensor exceeds `MOST_SHARE` strokes and
+`MOST_NOISES` standard deviations of the resistance, while |d| of the resistance is less than half, in `FAILS_TICKS`
+ticks in a row. If the sensor agrees with the model and the resistance does not, a contact has changed, and the sensor
+stays.
 
     sensor --no reading--> resistance --valid for RETURNS_TICKS ticks--> sensor
     sensor --implausible--> failed: the resistance, until the end of the run
@@ -120,15 +121,18 @@ class DisplacementSensing:
         """Return the state with the differences of both sources from the model."""
         keep = exp(-dt_s / FORGET_S)
         apart_mm = _apart(keep * state.apart_mm, state.before_mm, sensor.mm, predicted_mm)
+        if state.has_sensor and not state.valid_ticks and not state.suspect_ticks and isfinite(resistance.mm):
+            apart_mm = sensor.mm - resistance.mm  # the first reading after a gap
         other_mm = _apart(keep * state.resistance_apart_mm, state.resistance_before_mm, resistance.mm, predicted_mm)
         limit_mm = max(self._most_mm, MOST_NOISES * resistance.noise_mm)  # NaN noise: max returns the first
-        is_suspect = abs(apart_mm) > limit_mm and abs(other_mm) < 0.5 * abs(apart_mm) and isfinite(resistance.mm)
+        disagree = abs(sensor.mm - resistance.mm) > limit_mm  # False for NaN
+        is_suspect = disagree and abs(apart_mm) > limit_mm and abs(other_mm) < 0.5 * abs(apart_mm)
         suspect_ticks = state.suspect_ticks + 1 if is_suspect else 0
         return state._replace(
             apart_mm=apart_mm,
             resistance_apart_mm=other_mm,
-            before_mm=sensor.mm if isfinite(sensor.mm) else state.before_mm,
-            resistance_before_mm=resistance.mm if isfinite(resistance.mm) else state.resistance_before_mm,
+            before_mm=sensor.mm,
+            resistance_before_mm=resistance.mm,
             suspect_ticks=suspect_ticks,
             valid_ticks=state.valid_ticks + 1 if isfinite(sensor.mm) and not is_suspect else 0,
             has_sensor=state.has_sensor or isfinite(sensor.mm),
@@ -149,10 +153,6 @@ class DisplacementSensing:
 
 
 def _apart(apart_mm: float, before_mm: float, now_mm: float, predicted_mm: float) -> float:
-    """Return the difference of a source from the model after one tick; 0 before the first displacement.
-
-    Over a gap, the predicted changes add up until the next displacement.
-    """
-    if not isfinite(before_mm):
-        return 0.0
-    return apart_mm - predicted_mm + (now_mm - before_mm if isfinite(now_mm) else 0.0)
+    """Return the difference of a source from the model after one tick; 0 without two displacements in a row."""
+    change_mm = now_mm - before_mm - predicted_mm
+    return apart_mm + change_mm if isfinite(change_mm) else 0.0
