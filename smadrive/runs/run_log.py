@@ -20,7 +20,7 @@ from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.rig import Rig
 from smadrive.runs.columns import COLUMNS, row_getter
 from smadrive.runs.log.recorder import Recorder
@@ -62,7 +62,8 @@ class TickRecorder(Recorder):
         super().__init__(path, tuple(COLUMNS), metadata, rows)
         self._reported_limits: set[str] = set()
         self._faults: tuple[str, ...] = ()
-        self._uses_resistance: bool | None = None
+        self._by_sensor = metadata.get("displacement_from") == DisplacementFrom.SENSOR
+        self._uses_resistance = False
 
     def tick(self, tick: Tick) -> None:
         """Record one tick of the loop. DataError when the log cannot be written."""
@@ -88,11 +89,9 @@ class TickRecorder(Recorder):
     def _report_source(self, tick: Tick) -> None:
         """Write an event when the resistance replaces a displacement sensor, or gives way to it again."""
         uses_resistance = bool(tick.command.uses_resistance)
-        sensed = uses_resistance or isfinite(tick.measurement.displacement_mm)
-        if self._uses_resistance is not None and uses_resistance is not self._uses_resistance and sensed:
+        if self._by_sensor and uses_resistance is not self._uses_resistance:
             self.event(BY_RESISTANCE if uses_resistance else BY_SENSOR)
-        if sensed:
-            self._uses_resistance = uses_resistance
+        self._uses_resistance = uses_resistance
 
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:
