@@ -9,12 +9,12 @@ the model does not count:
 
     d <- d exp(-Δt/FORGET_S) + (change of the source) - (change that the model predicts)
 
-The sensor has failed when it disagrees with the resistance, and |d| of the sensor exceeds `MOST_SHARE` strokes and
-`MOST_NOISES` standard deviations of the resistance, while |d| of the resistance is less than half, in `FAILS_TICKS`
-ticks in a row. If the sensor agrees with the model and the resistance does not, a contact has changed, and the sensor
-stays.
+The sensor has failed when its difference from the resistance, a mean with the weight `WEIGHT` of the latest sample, and
+|d| of the sensor exceed `MOST_SHARE` strokes and `MOST_NOISES` standard deviations of the resistance, while |d| of the
+resistance is less than half, in `FAILS_TICKS` ticks in a row. If the sensor agrees with the model and the resistance
+does not, a contact has changed, and the sensor stays.
 
-    sensor --no reading--> resistance --valid for RETURNS_TICKS ticks--> sensor
+    sensor --no reading--> resistance --valid for RETURNS_TICKS ticks, and agrees--> sensor
     sensor --implausible--> failed: the resistance, until the end of the run
 """
 
@@ -29,7 +29,8 @@ from smadrive.control.estimation.resistance_sensor import UNSEEN, ResistanceSens
 from smadrive.measurement import DisplacementFrom, Measurement
 
 FORGET_S = 3.0
-MOST_SHARE, MOST_NOISES = 0.03, 6.0
+MOST_SHARE, MOST_NOISES = 0.03, 2.5
+WEIGHT = 0.2
 FAILS_TICKS, RETURNS_TICKS = 5, 20
 
 
@@ -37,14 +38,16 @@ class Sensing(NamedTuple):
     """The state of the sensing.
 
     `lead` is the change of the leads. `apart_mm` and `resistance_apart_mm` are the differences d of the sensor and of
-    the resistance, `before_mm` and `resistance_before_mm` their last displacements (NaN: none). `suspect_ticks` counts
-    the latest ticks with an implausible sensor, `valid_ticks` those with a reading. `has_sensor` is True after the
-    first reading of the sensor, `failed` after it was implausible for too long. `source` is the present source.
+    the resistance, `disagreement_mm` is the weighted mean of sensor - resistance. `before_mm` and
+    `resistance_before_mm` are the last displacements (NaN: none). `suspect_ticks` counts the latest ticks with an
+    implausible sensor, `valid_ticks` those with a reading. `has_sensor` is True after the first reading of the sensor,
+    `failed` after it was implausible for too long. `source` is the present source.
     """
 
     lead: LeadChange
     apart_mm: float = 0.0
     resistance_apart_mm: float = 0.0
+    disagreement_mm: float = 0.0
     before_mm: float = nan
     resistance_before_mm: float = nan
     suspect_ticks: int = 0
@@ -125,12 +128,16 @@ class DisplacementSensing:
             apart_mm = sensor.mm - resistance.mm  # the first reading after a gap
         other_mm = _apart(keep * state.resistance_apart_mm, state.resistance_before_mm, resistance.mm, predicted_mm)
         limit_mm = max(self._most_mm, MOST_NOISES * resistance.noise_mm)  # NaN noise: max returns the first
-        disagree = abs(sensor.mm - resistance.mm) > limit_mm  # False for NaN
-        is_suspect = disagree and abs(apart_mm) > limit_mm and abs(other_mm) < 0.5 * abs(apart_mm)
+        latest_mm = sensor.mm - resistance.mm
+        disagreement_mm = state.disagreement_mm + WEIGHT * (latest_mm - state.disagreement_mm)
+        is_suspect = (
+            abs(disagreement_mm) > limit_mm and abs(apart_mm) > limit_mm and abs(other_mm) < 0.5 * abs(apart_mm)
+        )
         suspect_ticks = state.suspect_ticks + 1 if is_suspect else 0
         return state._replace(
             apart_mm=apart_mm,
             resistance_apart_mm=other_mm,
+            disagreement_mm=disagreement_mm if isfinite(disagreement_mm) else 0.0,
             before_mm=sensor.mm,
             resistance_before_mm=resistance.mm,
             suspect_ticks=suspect_ticks,
@@ -148,8 +155,9 @@ class DisplacementSensing:
             return DisplacementFrom.NONE
         if state.failed or state.suspect_ticks or not isfinite(sensor.mm):
             return by_resistance
-        waits = state.source is DisplacementFrom.RESISTANCE and state.valid_ticks <= RETURNS_TICKS
-        return by_resistance if waits else DisplacementFrom.SENSOR
+        agrees = state.valid_ticks > RETURNS_TICKS and abs(state.disagreement_mm) < self._most_mm
+        returns = agrees or state.source is not DisplacementFrom.RESISTANCE
+        return DisplacementFrom.SENSOR if returns else by_resistance
 
 
 def _apart(apart_mm: float, before_mm: float, now_mm: float, predicted_mm: float) -> float:
