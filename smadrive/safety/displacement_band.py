@@ -6,11 +6,15 @@
 check finds a sensor that is stuck, has a wrong unit or has lost its zero, and a wire that is blocked or slack. In these
 cases the displacement leaves the band as soon as the temperature passes through the hysteresis loop. Without this check
 the driver could heat up to its limits.
+
+The displacement also limits the temperature of the wire from above, whatever the thermocouple reads: a wire that is not
+fully transformed is colder than the heating branch at this displacement, T₊(y + m) + δ.
 """
 
 from __future__ import annotations
 
-from math import isfinite
+from bisect import bisect_right
+from math import inf, isfinite
 
 import numpy as np
 
@@ -39,6 +43,9 @@ class DisplacementBand:
         shifted_c = around_c - UNSURE_C, around_c + UNSURE_C
         ends_mm = [np.interp(at_c, warming_c, branch_mm) for branch_mm in branches_mm for at_c in shifted_c]
         margin_mm = MARGIN * float(np.ptp(loop_mm))
+        self._sense = 1.0 if loop_mm[POINTS - 1] >= loop_mm[0] else -1.0
+        self._rising_mm = np.maximum.accumulate(self._sense * branches_mm[0]).tolist()
+        self._warming_c, self._margin_mm = warming_c.tolist(), margin_mm
         self._branches = [PiecewiseLinear(warming_c, branch_mm) for branch_mm in branches_mm]
         self._low = PiecewiseLinear(around_c, np.min(ends_mm, axis=0) - margin_mm)
         self._high = PiecewiseLinear(around_c, np.max(ends_mm, axis=0) + margin_mm)
@@ -55,6 +62,14 @@ class DisplacementBand:
         if low_mm <= displacement_mm <= high_mm:
             return None
         return f"{displacement_mm:.3f} mm measured, {low_mm:.2f} to {high_mm:.2f} mm possible at {temperature_c:.1f} °C"
+
+    def hottest_c(self, displacement_mm: float) -> float:
+        """Return the highest possible temperature of a wire at `displacement_mm`, °C.
+
+        The result is infinite for a wire that may be fully transformed, and for NaN.
+        """
+        above = bisect_right(self._rising_mm, self._sense * displacement_mm + self._margin_mm)
+        return self._warming_c[above] + UNSURE_C if above < POINTS and isfinite(displacement_mm) else inf
 
     def nearest_mm(self, temperature_c: float, displacement_mm: float) -> float:
         """Return `displacement_mm`, clamped to the range between the branches of the model at `temperature_c`."""

@@ -165,16 +165,27 @@ class Supervisor:
             return
         reading_c = measurement.temperature_c
         band = self._temperature_band.update(reading_c, self._power_w, dt_s)
-        if band.coldest_c > self._limits.temperature_max_c:
+        is_cool = self._is_cool_by_displacement(measurement)
+        if band.coldest_c > self._limits.temperature_max_c and not is_cool:
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
         if self._frozen.update(band.unseen_c > FROZEN_C):
             detail = f"{reading_c:.2f} °C, while the wire's temperature changed by at least {band.unseen_c:.0f} K"
             self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
-        if self._implausible.update(not band.low_c <= reading_c <= band.high_c):
-            fault = Fault.READS_TOO_COLD if reading_c < band.low_c else Fault.READS_TOO_HOT
+        is_too_cold = reading_c < band.low_c and not is_cool
+        if self._implausible.update(is_too_cold or not reading_c <= band.high_c):
+            fault = Fault.READS_TOO_COLD if is_too_cold else Fault.READS_TOO_HOT
             detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"
             self._raise(fault, measurement.time_s, detail)
+
+    def _is_cool_by_displacement(self, measurement: Measurement) -> bool:
+        """Return True if the measured displacement excludes a wire above `temperature_max_c`.
+
+        A wire that is colder than its heat input allows is then in a draft: the reading is right.
+        """
+        if self._displacement_band is None or self._outside_band(measurement) is not None:
+            return False
+        return self._displacement_band.hottest_c(measurement.displacement_mm) <= self._limits.temperature_max_c
 
     def _check_displacement(self, measurement: Measurement, setpoint_mm: float) -> None:
         limits, measured_mm = self._limits, measurement.displacement_mm

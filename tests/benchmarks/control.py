@@ -47,8 +47,8 @@ DISTURBANCES = {
     "draft": lambda plant: plant.surroundings.draft(1.6, for_s=20.0, ramp_s=1.0),
     "warmer": lambda plant: plant.surroundings.drift_ambient(8.0, over_s=60.0),
     "colder": lambda plant: plant.surroundings.drift_ambient(-8.0, over_s=60.0),
-    "more load": lambda plant: plant.load.step_load(60.0),
-    "less load": lambda plant: plant.load.step_load(-60.0),
+    "more load": lambda plant: plant.load.step_load(60.0, over_s=1.0),
+    "less load": lambda plant: plant.load.step_load(-60.0, over_s=1.0),
 }
 SOURCES = (DisplacementFrom.NONE, DisplacementFrom.RESISTANCE, DisplacementFrom.SENSOR)
 CONTROLLERS = ("T-S inverse", "Duhem inverse", "no hysteresis compensation", "PID only")

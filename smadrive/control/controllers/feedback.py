@@ -1,15 +1,21 @@
-"""PI feedback on temperature around a feedforward.
+"""PI feedback on temperature, or on the heat content of the wire, around a feedforward.
 
-    command = clamp(feedforward + Kp e + I),    dI/dt = Ki e while the command is inside its limits
+    command = clamp(feedforward + Kp e + I),    dI/dt = Ki e
 
-Command, feedforward and the integral I are powers in W. e is the error of the temperature in K; in the integral, e is
-limited to ± `INTEGRATED_C`. I compensates a small model error. The limits of the command are zero power and the largest
-power. At a limit the integral stays constant (conditional integration). Back-calculation is not used: at every turning
-point the feedforward requests a negative power, and back-calculation would then change the integral by a large amount.
+Command, feedforward and the integral I are powers in W. The limits of the command are zero power and the largest power.
+The error e is in K: the error of the temperature, or the error of the heat content divided by the heat capacity:
 
-The gains follow from the heat balance by pole placement. With the heat capacity m c of the wire (J/K) and
-Kp = m c / Tc, the error decays with the chosen time constant Tc. With Ki = Kp / Ti the effect of a model error decays
-within about Ti.
+    e = T* - T + (Q / m c) (ξ* - ξ)
+
+T is the temperature, ξ the phase, a star marks a setpoint, m c is the heat capacity (J/K), and Q the latent heat (J).
+The heat content changes by the power minus the loss. So with Kp = m c / Tc this error decays with the chosen time
+constant Tc, also within the transformation. An error of the temperature alone decays more slowly there, by the factor
+1 + (Q / m c) dξ/dT.
+
+With Ki = Kp / Ti the effect of a model error decays within about Ti. In the integral, e is limited to a small value,
+because a large error shows that the wire is still moving. At a limit of the command the integral stays constant
+(conditional integration). Back-calculation is not used: at every turning point the feedforward requests a negative
+power, and back-calculation would then change the integral by a large amount.
 
 Bumpless transfer: a feedback that replaces another feedback adds the difference of the two commands, which then decays.
 """
@@ -21,11 +27,11 @@ from math import exp
 
 from smadrive.wire.heat_balance import HeatBalance
 
-HANDOVER_S = 1.0
+HANDOVER_S = 0.2
 """The difference to the last command of the replaced feedback decays with this time constant, s."""
 
 INTEGRATED_C = 1.0
-"""The integral counts an error only up to ± this value, K. A larger error shows that the wire is still moving."""
+"""The integral counts an error only up to ± this value, K, unless the controller chooses another value."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,39 +54,41 @@ class PIGains:
 
 @dataclass(slots=True)
 class TemperatureFeedback:
-    """PI feedback on temperature, with anti-windup, and with bumpless transfer from another feedback.
+    """PI feedback with anti-windup, and with bumpless transfer from another feedback.
 
+    The integral counts an error up to ± `integrated_c`, K.
     `integral_w` is the integral term, and `command_w` is the last command, both in W.
     """
 
     gains: PIGains
+    integrated_c: float = INTEGRATED_C
     integral_w: float = field(default=0.0, init=False)
     command_w: float = field(default=0.0, init=False)
     _handover_w: float = field(default=0.0, init=False)
     _takes_over: bool = field(default=False, init=False)
 
-    def take_over(self, before: TemperatureFeedback) -> None:
-        """Continue from the feedback `before`: its integral is kept, and its last command is the first command.
+    def take_over(self, before: TemperatureFeedback, integral_w: float) -> None:
+        """Continue from the feedback `before` with the integral `integral_w`, W. Its last command is the first command.
 
-        The first command differs if the power that this feedback requests is below 0 or above the limit.
+        The first command differs if the last command is above the new limit.
         """
-        self.integral_w, self.command_w = before.integral_w, before.command_w
+        self.integral_w, self.command_w = integral_w, before.command_w
         self._takes_over = True
 
-    def update(self, error_c: float, feedforward_w: float, limit_w: float, dt_s: float) -> float:
+    def update(self, error_c: float, feedforward_w: float, limit_w: float, dt_s: float, faster: float = 1.0) -> float:
         """Return the power to command for the next `dt_s`, W, from 0 to `limit_w`.
 
-        `error_c` is setpoint - process value of the temperature, K. `feedforward_w` is the power of the feedforward.
+        `error_c` is the error, setpoint - process value, K. `feedforward_w` is the power of the feedforward. Both gains
+        are multiplied by `faster`.
         """
-        requested_w = feedforward_w + self.gains.proportional_w_per_k * error_c + self.integral_w
-        if self._takes_over:
-            self._handover_w = self.command_w - min(max(requested_w, 0.0), limit_w)
-            self._takes_over = False
-        else:
-            self._handover_w *= exp(-dt_s / HANDOVER_S)
-        unclamped = requested_w + self._handover_w
-        self.command_w = min(max(unclamped, 0.0), limit_w)
-        if self.command_w == unclamped:
-            counted_c = min(max(error_c, -INTEGRATED_C), INTEGRATED_C)
-            self.integral_w += self.gains.integral_w_per_k_s * counted_c * dt_s
+        unlimited_w = feedforward_w + faster * self.gains.proportional_w_per_k * error_c + self.integral_w
+        requested_w = min(max(unlimited_w, 0.0), limit_w)
+        self._handover_w = (
+            self.command_w - requested_w if self._takes_over else self._handover_w * exp(-dt_s / HANDOVER_S)
+        )
+        self._takes_over = False
+        self.command_w = min(max(requested_w + self._handover_w, 0.0), limit_w)
+        if requested_w == unlimited_w:
+            counted_c = min(max(error_c, -self.integrated_c), self.integrated_c)
+            self.integral_w += faster * self.gains.integral_w_per_k_s * counted_c * dt_s
         return self.command_w

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from math import inf, isfinite, sqrt
 from typing import NamedTuple
 
-from smadrive.control.controllers.feedback import PIGains, TemperatureFeedback
+from smadrive.control.controllers.feedback import INTEGRATED_C, PIGains, TemperatureFeedback
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.controllers.trim import DisplacementTrim
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
@@ -31,6 +31,21 @@ from smadrive.wire.wire_model import WireModel
 DISPLACEMENT_NOISE = 0.001
 """Assumed standard deviation of the noise of a displacement sensor, in strokes."""
 
+FASTER = 2.5
+"""With a measured displacement the time constant of the closed loop is shorter by this factor.
+
+The estimate then has less noise than without a measured displacement.
+"""
+
+SHORTEST_PERIODS = 2.0
+"""It has at least this many periods of the loop."""
+
+INTEGRATED_WITH_OBSERVER_C = 0.1
+"""With the whole feedforward, the integral counts an error up to ± this value, K.
+
+The observer then compensates the errors of the heat balance, and the integral would only overshoot after a large error.
+"""
+
 
 @dataclass(frozen=True, slots=True)
 class TrackingSettings:
@@ -38,7 +53,7 @@ class TrackingSettings:
 
     period_s            period of the loop, s
     current_limit_a     largest current, A
-    closed_loop_s       time constant of the temperature loop, s
+    closed_loop_s       time constant of the temperature loop, s; with a measured displacement it is divided by `FASTER`
     integral_s          time constant in which the effect of a model error decays, s
     noise_c             standard deviation of the noise of the thermocouple, K
     feedforward_share   share of the feedforward's power that is used; less than 1 leaves more to the feedback
@@ -114,11 +129,15 @@ class TrackingController:
         )
         self._feedforward = DisplacementFeedforward(inverse, wire)
         self._preview = ReversalPreview(wire) if inverse.hysteretic else None
+        balance, self._share = wire.balance, settings.feedforward_share
         self._feedback = TemperatureFeedback(
-            PIGains.for_balance(wire.balance, settings.closed_loop_s, settings.integral_s)
+            PIGains.for_balance(balance, settings.closed_loop_s, settings.integral_s),
+            INTEGRATED_WITH_OBSERVER_C if self._share == 1.0 else INTEGRATED_C,
         )
+        seeing_s = max(settings.closed_loop_s / FASTER, SHORTEST_PERIODS * settings.period_s)
+        self._faster = max(settings.closed_loop_s / seeing_s, 1.0)
         self._trim = DisplacementTrim(settings.closed_loop_s)
-        self._share = settings.feedforward_share
+        self._latent_k_per_mm = balance.latent_heat_j / balance.heat_capacity_j_per_k / wire.travel_mm
         self._state: TrackingState | None = None
 
     @property
@@ -137,7 +156,17 @@ class TrackingController:
             estimate = self._observer.adopt(before.state.estimate)
             ahead = self._observer.adopt(before.state.ahead)
             self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead)
-            self._feedback.take_over(before._feedback)
+            self._feedback.take_over(before._feedback, self._integral_w(before, estimate.temperature_c))
+
+    def _integral_w(self, before: TrackingController, temperature_c: float) -> float:
+        """Return the integral with which the feedback continues, W.
+
+        With another share of the feedforward it is the power that this share leaves to the integral at `temperature_c`:
+        the integral of `before` would be wrong for as long as the integral time.
+        """
+        if before._share == self._share:
+            return before._feedback.integral_w
+        return (1.0 - self._share) * self._wire.balance.power_w(temperature_c, 0.0, 0.0)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Return the command for the period of `dt_s` seconds that begins `dt_s` after the measurement."""
@@ -147,11 +176,15 @@ class TrackingController:
         period = self._coming_period(self._observer.predict(estimate, before.power_w, dt_s), time_s + dt_s, dt_s)
         direction, reversal = self._course(before, period)
         target = self._target(period, before.trim_mm, direction, reversal)
-        error_c = target.temperature_c - period.ahead.temperature_c
-        power_w = self._feedback.update(error_c, self._share * target.power_w, period.limit_w, dt_s)
+        error_c, feedforward_w = target.temperature_c - period.ahead.temperature_c, self._share * target.power_w
+        if is_seen := isfinite(seen.used.mm):
+            latent_c = self._latent_k_per_mm * (target.displacement_mm - period.ahead.hysteresis.y)
+            power_w = self._feedback.update(error_c + latent_c, feedforward_w, period.limit_w, dt_s, self._faster)
+        else:
+            power_w = self._feedback.update(error_c, feedforward_w, period.limit_w, dt_s)
         power_w = max(power_w, self._sensing.floor_a(sensing) ** 2 * self._wire.resistance_ohm(period.ahead.hysteresis))
         trim_mm = 0.0
-        if reversal is None and isfinite(seen.used.mm):
+        if reversal is None and is_seen:
             is_free = 0.0 < power_w < period.limit_w
             error_mm = period.setpoint_mm - period.ahead.hysteresis.y
             trim_mm = self._trim.update(before.trim_mm, error_mm, error_c if is_free else inf, dt_s)
@@ -164,7 +197,7 @@ class TrackingController:
             estimate.hysteresis.y,
             power_w,
             *seen.by_resistance,
-            uses_resistance=float(sensing.source is DisplacementFrom.RESISTANCE),
+            uses_resistance=float(sensing.needs_resistance),
         )
 
     def _started(self, measurement: Measurement) -> TrackingState:
@@ -212,6 +245,6 @@ class TrackingController:
     def _target(self, period: _Period, trim_mm: float, direction: int, reversal: Reversal | None) -> Feedforward:
         """Return temperature and power of the feedforward: for the setpoint, or for the meeting point of a reversal."""
         if reversal is not None:
-            return self._feedforward.hold(period.ahead, reversal.meets_c)
+            return self._feedforward.hold(period.ahead, reversal.meets_c, reversal.meets_mm)
         setpoint_mm = period.setpoint_mm + trim_mm
         return self._feedforward.update(period.ahead, setpoint_mm, period.rate_mm_per_s, direction)

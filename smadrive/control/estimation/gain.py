@@ -1,19 +1,22 @@
 """Kalman gains of the observer, from the heat balance and the slope of the hysteresis model.
 
-The model is linearised at a slope s = dξ/dT of the phase. Over one period Δt the state changes to T', T_tc', d', ξ':
+The model is linearised at a slope s = dξ/dT of the phase. Over one period Δt the state becomes T', T_tc', d', b', ξ':
 
-    T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        d' = d        ξ' = ξ + s (T' - T)
+    T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        ξ' = ξ + s (T' - T - (b' - b))
+    d'  = d                          b'    = b
 
     κ = exp(-Δt h A/(m c + Q s))     λ = exp(-Δt/lag)
 
-T is the temperature of the wire, T_tc of the thermocouple, d the power that the heat balance does not explain, ξ the
-phase. m c, Q, h A and lag are parameters of the heat balance: heat capacity, latent heat, heat loss, thermocouple lag.
+T is the temperature of the wire, T_tc of the thermocouple, d the power that the heat balance does not explain, b the
+shift of the transformation (a heavier load shifts it to higher temperatures), ξ the phase. m c, Q, h A and lag are
+parameters of the heat balance: heat capacity, latent heat, heat loss, thermocouple lag. d and b are random walks.
 T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete Riccati
 equation. There is one gain for the thermocouple alone. For thermocouple and displacement together there is one gain for
-each of several slopes.
+each of several slopes. Together they tell a draft from a load: both change ξ, but only the draft cools the wire.
 
-Each gain is solved twice: for calm air, where d drifts slowly, and for a disturbance, where d changes within a second.
-The larger gain follows a draft, but also the noise. The innovation test (innovation.py) decides between the two.
+Each gain is solved twice: for calm air, where d and b drift slowly, and for a disturbance, where they change within a
+second. The larger gain follows a disturbance, but also the noise. The innovation test (innovation.py) decides between
+the two.
 """
 
 from __future__ import annotations
@@ -34,17 +37,19 @@ Array = NDArray[np.float64]
 class ProcessNoise(NamedTuple):
     """The errors of the heat balance: standard deviations after one second, K.
 
-    `wire_c` is the error of the wire temperature, `drift_c` the drift of the unexplained power, divided by h A.
+    `wire_c` is the error of the wire temperature, `drift_c` the drift of the unexplained power, divided by h A, and
+    `shift_c` the drift of the transformation.
     """
 
     wire_c: float
     drift_c: float
+    shift_c: float
 
 
-CALM = ProcessNoise(0.015, 0.2)
+CALM = ProcessNoise(0.015, 0.2, 0.05)
 """The noise without a disturbance."""
 
-DISTURBED = ProcessNoise(0.1, 20.0)
+DISTURBED = ProcessNoise(0.1, 20.0, 3.0)
 """The noise in a disturbance. More drift would follow a draft faster, but the noise of the thermocouple, too."""
 
 PHASE_NOISE = 0.003
@@ -52,6 +57,9 @@ PHASE_NOISE = 0.003
 
 SLOW_PHASE_NOISE = 0.001
 """The same for a noisy displacement. It is smaller, because over seconds the errors of the model cancel in part."""
+
+SHIFT_S = 1000.0
+"""The shift decays with this time constant, s. Without a decay the Riccati equation has no stationary solution."""
 
 MOST_NOISES = 10.0
 
@@ -70,12 +78,14 @@ class Correction(NamedTuple):
     """The change of the observer's estimate after a measurement.
 
     The fields are the changes of the wire temperature in K, of the thermocouple's temperature in K, of the power that
-    the heat balance does not explain in W, and of the phase as a share of the travel.
+    the heat balance does not explain in W, of the shift of the transformation in K, and of the phase as a share of the
+    travel.
     """
 
     temperature_c: float
     thermocouple_c: float
     disturbance_w: float
+    shift_c: float
     phase: float
 
 
@@ -138,7 +148,7 @@ class GainSchedule:
         )
 
     def by_reading(self, read_c: float, doubt: float) -> Correction:
-        """Return the correction when only the thermocouple is measured. The correction of the phase is 0.
+        """Return the correction when only the thermocouple is measured. Shift and phase keep their values.
 
         `read_c` is its measured - expected temperature, K.
         """
@@ -147,7 +157,7 @@ class GainSchedule:
             calm * read_c + (disturbed - calm) * more_c
             for calm, disturbed in zip(self._calm_reading, self._disturbed_reading, strict=True)
         )
-        return Correction(wire, thermocouple, disturbance, 0.0)
+        return Correction(wire, thermocouple, disturbance, 0.0, 0.0)
 
     def by_both(self, slope: float, read_c: float, seen: float, doubt: float) -> Correction:
         """Return the correction when thermocouple and displacement are measured.
@@ -183,13 +193,16 @@ def _reading_gain(balance: HeatBalance, period_s: float, noise_c: float, process
 def _joint_gain(
     balance: HeatBalance, slope: float, period_s: float, noise: Array, process_noise: ProcessNoise, phase_noise: float
 ) -> Array:
-    transition = np.eye(4)
-    process = np.zeros((4, 4))
+    transition, process = np.eye(5), np.zeros((5, 5))
     transition[:3, :3], process[:3, :3] = _thermal(balance, period_s, slope, process_noise)
-    transition[3, :3] = slope * (transition[0, :3] - [1.0, 0.0, 0.0])
-    process[0, 3] = process[3, 0] = slope * process[0, 0]
-    process[3, 3] = slope**2 * process[0, 0] + period_s * phase_noise**2
-    reads = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    transition[3, 3] = exp(-period_s / SHIFT_S)
+    transition[4, :3] = slope * (transition[0, :3] - [1.0, 0.0, 0.0])
+    process[3, 3] = period_s * process_noise.shift_c**2
+    process[0, 4] = process[4, 0] = slope * process[0, 0]
+    process[3, 4] = process[4, 3] = -slope * process[3, 3]
+    process[4, 4] = slope**2 * (process[0, 0] + process[3, 3]) + period_s * phase_noise**2
+    reads = np.zeros((2, 5))
+    reads[0, 1] = reads[1, 4] = 1.0
     return _gain(transition, reads, process, noise)
 
 

@@ -5,9 +5,9 @@ standard deviation σ. A disturbance makes the mean of e differ from zero. The t
 
     m <- (1 - λ) m + λ e          standard deviation of m: σ sqrt(λ / (2 - λ))
 
-The doubt grows from 0 to 1 while |m| grows from `BEGINS` to `CERTAIN` times this standard deviation. It then decays
-with `HOLD_S`. The observer uses larger Kalman gains while it doubts its prediction (adaptive Kalman filter; Roberts,
-Technometrics 1, 1959, for the chart of the weighted mean).
+The doubt grows from 0 to 1 while |m| grows from one threshold to the next, in units of this standard deviation. It then
+decays with `HOLD_S`. The observer uses larger Kalman gains while it doubts its prediction (adaptive Kalman filter;
+Roberts, Technometrics 1, 1959, for the chart of the weighted mean).
 
 A draft begins or ceases within a second or two. A doubt that lasts longer has another cause: a bead that comes off lags
 by seconds, and with the larger gains the wire would overheat. So the integral of the doubt over time is limited.
@@ -24,15 +24,8 @@ READ_WEIGHT, SEEN_WEIGHT = 0.3, 0.5
 READ_SPREAD, SEEN_SPREAD = 1.1, 1.5
 """Standard deviation σ of the innovations, divided by that of the sensor's noise; the model has an error, too."""
 
-BEGINS, CERTAIN = 3.5, 7.0
-"""The doubt is 0 up to `BEGINS` standard deviations of the mean, and 1 from `CERTAIN` on."""
-
-CONTRADICTS = 2.0
-"""The displacement contradicts the thermocouple if its mean has the other sign, and this many standard deviations.
-
-A disturbance of the heat changes both in the same direction. Otherwise a sensor or the model is wrong, and larger gains
-would spoil the estimate.
-"""
+READ_THRESHOLDS, SEEN_THRESHOLDS = (3.5, 7.0), (2.5, 5.0)
+"""The doubt is 0 up to the first, and 1 from the second on, in standard deviations of the mean."""
 
 HOLD_S = 1.0
 """Time constant in which the doubt decays, s."""
@@ -71,20 +64,23 @@ class InnovationTest:
     def by_reading(self, before: Doubt, read_c: float) -> Doubt:
         """Return the state after the innovation `read_c` of the thermocouple, K."""
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
-        doubt = max(before.doubt * self._decay, _doubt(abs(mean_c) / self._read_c))
-        spent_s = before.spent_s * self._forget + doubt * self._period_s
-        return Doubt(mean_c, 0.0, doubt if spent_s < MOST_S else 0.0, spent_s)
+        return self._limited(before, mean_c, 0.0, _grown(abs(mean_c) / self._read_c, READ_THRESHOLDS))
 
     def by_both(self, before: Doubt, read_c: float, seen: float) -> Doubt:
-        """Return the state after the innovations of the thermocouple, K, and of the displacement, share of the travel.
-
-        Only the thermocouple causes doubt. The displacement ends it if it contradicts the thermocouple.
-        """
-        of_reading = self.by_reading(before, read_c)
+        """Return the state after the innovations of thermocouple, K, and displacement, share of the travel."""
+        mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
         mean = before.seen + SEEN_WEIGHT * (seen - before.seen)
-        is_contradicted = of_reading.read_c * mean < 0.0 and abs(mean) > CONTRADICTS * self._seen
-        return of_reading._replace(seen=mean, doubt=0.0 if is_contradicted else of_reading.doubt)
+        of_reading, of_seen = mean_c / self._read_c, mean / self._seen
+        grown = max(_grown(abs(of_reading), READ_THRESHOLDS), _grown(abs(of_seen), SEEN_THRESHOLDS))
+        return self._limited(before, mean_c, mean, grown)
+
+    def _limited(self, before: Doubt, mean_c: float, mean: float, grown: float) -> Doubt:
+        """Return the state with the doubt `grown`, or with the decayed doubt of `before` if that is larger."""
+        doubt = max(before.doubt * self._decay, grown)
+        spent_s = before.spent_s * self._forget + doubt * self._period_s
+        return Doubt(mean_c, mean, doubt if spent_s < MOST_S else 0.0, spent_s)
 
 
-def _doubt(deviations: float) -> float:
-    return min(max((deviations - BEGINS) / (CERTAIN - BEGINS), 0.0), 1.0)
+def _grown(deviations: float, thresholds: tuple[float, float]) -> float:
+    begins, certain = thresholds
+    return min(max((deviations - begins) / (certain - begins), 0.0), 1.0)

@@ -1,8 +1,10 @@
 """Estimate of wire temperature and phase from heater power, lagging thermocouple and, if measured, displacement.
 
-State x = (T, T_tc, d, ξ): wire temperature, thermocouple temperature, a slowly drifting power d that the heat balance
-does not explain (draft, wrong h A), and the phase. The measured displacement gives the phase. The prediction uses the
-heat balance with the latent heat of the transformation, and the hysteresis model. The correction uses a Kalman gain.
+State x = (T, T_tc, d, b, ξ): wire temperature, thermocouple temperature, a slowly drifting power d that the heat
+balance does not explain (draft, wrong h A), the shift b of the transformation by a changed load, and the phase. The
+input of the hysteresis model is T - b. The measured displacement gives the phase; without it, b stays constant. The
+prediction uses the heat balance with the latent heat of the transformation, and the hysteresis model. The correction
+uses a Kalman gain.
 
 The hysteresis model is linear only locally. Its rules i, at their firing strengths μ_i, give the slope of the phase
 over the temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i), with w the state of the hysteresis model. Along the loop only this
@@ -60,7 +62,8 @@ class WireEstimate(NamedTuple):
     `temperature_c` is the temperature of the wire, `thermocouple_c` that of the thermocouple. `hysteresis` is the state
     of the hysteresis model. `disturbance_w` is the power that the heat balance does not explain. `play` is the state of
     the dead band between the temperature and the hysteresis model, and `radius_c` its radius. `doubt` is the state of
-    the innovation test.
+    the innovation test. `shift_c` is the shift of the transformation: the input of the hysteresis model is lower than
+    the temperature by this value, K.
     """
 
     temperature_c: float
@@ -70,6 +73,7 @@ class WireEstimate(NamedTuple):
     play: Play
     radius_c: float = 0.0
     doubt: Doubt = Doubt()
+    shift_c: float = 0.0
 
 
 class WireObserver:
@@ -138,13 +142,15 @@ class WireObserver:
         excess_c = max(wire_c - self._balance.ambient_c, LEAST_EXCESS_C)
         most_w = MOST_DRAFT * self._balance.loss_w_per_k * excess_c
         disturbance_w = max(disturbance_w + correction.disturbance_w, -most_w)
-        return WireEstimate(wire_c, thermocouple_c, hysteresis, disturbance_w, play, self._blind_c, doubt)
+        return WireEstimate(
+            wire_c, thermocouple_c, hysteresis, disturbance_w, play, self._blind_c, doubt, before.shift_c
+        )
 
     def _predicted(self, before: WireEstimate, power_w: float, dt_s: float, radius_c: float) -> WireEstimate:
         """Return the prediction, with a dead band of the radius `radius_c`."""
         wire_c, read_c, disturbance_w = self._heated(before, power_w, dt_s)
         play, hysteresis = self._stepped(before, wire_c, radius_c)
-        return WireEstimate(wire_c, read_c, hysteresis, disturbance_w, play, radius_c, before.doubt)
+        return WireEstimate(wire_c, read_c, hysteresis, disturbance_w, play, radius_c, before.doubt, before.shift_c)
 
     def _heated(self, before: WireEstimate, power_w: float, dt_s: float) -> tuple[float, float, float]:
         """Return the predicted temperatures of wire and thermocouple, °C, and the predicted unexplained power, W."""
@@ -163,7 +169,7 @@ class WireObserver:
     def _stepped(self, before: WireEstimate, wire_c: float, radius_c: float) -> tuple[Play, HysteresisState]:
         """Return the state of the dead band and of the hysteresis model after a step to `wire_c`."""
         play = before.play.moved(wire_c, radius_c)
-        return play, self._model.step(before.hysteresis, play.output(radius_c))
+        return play, self._model.step(before.hysteresis, play.output(radius_c) - before.shift_c)
 
     def _corrected_by_both(
         self, expected: WireEstimate, read_c: float, displacement_mm: float, noise_mm: float
@@ -177,16 +183,17 @@ class WireObserver:
         seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
         doubt = self._test.by_both(expected.doubt, read_c, seen * min(self._noise_mm / noise_mm, 1.0))
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
-        wire_c, thermocouple_c, power_w, phase = self._gains.by_both(
+        wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(
             slope, read_c, seen, doubt.doubt, noise_mm / abs(self._wire.travel_mm)
         )
         y = expected.hysteresis.y + self._wire.travel_mm * phase
         return WireEstimate(
             expected.temperature_c + wire_c,
             expected.thermocouple_c + thermocouple_c,
-            self._model.corrected(expected.hysteresis, expected.hysteresis.v + wire_c, y),
+            self._model.corrected(expected.hysteresis, expected.hysteresis.v + wire_c - shift_c, y),
             expected.disturbance_w + power_w,
             Play(expected.play.position + wire_c, expected.play.direction),
             expected.radius_c,
             doubt,
+            expected.shift_c + shift_c,
         )

@@ -41,7 +41,8 @@ class Sensing(NamedTuple):
     the resistance, `disagreement_mm` is the weighted mean of sensor - resistance. `before_mm` and
     `resistance_before_mm` are the last displacements (NaN: none). `suspect_ticks` counts the latest ticks with an
     implausible sensor, `valid_ticks` those with a reading. `has_sensor` is True after the first reading of the sensor,
-    `failed` after it was implausible for too long. `source` is the present source.
+    `is_doubted` while it is not used after that, `failed` after it was implausible for too long. `source` is the
+    present source.
     """
 
     lead: LeadChange
@@ -53,8 +54,14 @@ class Sensing(NamedTuple):
     suspect_ticks: int = 0
     valid_ticks: int = 0
     has_sensor: bool = False
+    is_doubted: bool = False
     failed: bool = False
     source: DisplacementFrom = DisplacementFrom.NONE
+
+    @property
+    def needs_resistance(self) -> bool:
+        """True while the resistance is the source, also in a tick whose current is too small for it."""
+        return self.is_doubted or self.source is DisplacementFrom.RESISTANCE
 
 
 class Seen(NamedTuple):
@@ -87,8 +94,8 @@ class DisplacementSensing:
         return self._sensor(measurement).mm
 
     def floor_a(self, state: Sensing) -> float:
-        """Return the least current in A that keeps the resistance observable; 0 unless the resistance is the source."""
-        if self._resistance is None or state.source is not DisplacementFrom.RESISTANCE:
+        """Return the least current in A that keeps the resistance observable; 0 while nothing needs the resistance."""
+        if self._resistance is None or not state.needs_resistance:
             return 0.0
         return self._resistance.floor_a
 
@@ -111,7 +118,8 @@ class DisplacementSensing:
         trusted = sensor if is_trusted else UNSEEN
         lead = self._resistance.lead(state.lead, measurement, before, ahead, trusted, dt_s)
         used = {DisplacementFrom.SENSOR: sensor, DisplacementFrom.RESISTANCE: by_resistance}.get(source, UNSEEN)
-        return state._replace(lead=lead, source=source), Seen(used, by_resistance)
+        is_doubted = state.has_sensor and source is not DisplacementFrom.SENSOR
+        return state._replace(lead=lead, source=source, is_doubted=is_doubted), Seen(used, by_resistance)
 
     def _sensor(self, measurement: Measurement) -> SeenDisplacement:
         if self._chosen is not DisplacementFrom.SENSOR or not isfinite(measurement.displacement_mm):
@@ -137,7 +145,7 @@ class DisplacementSensing:
         return state._replace(
             apart_mm=apart_mm,
             resistance_apart_mm=other_mm,
-            disagreement_mm=disagreement_mm if isfinite(disagreement_mm) else 0.0,
+            disagreement_mm=disagreement_mm if isfinite(disagreement_mm) else state.disagreement_mm,
             before_mm=sensor.mm,
             resistance_before_mm=resistance.mm,
             suspect_ticks=suspect_ticks,
@@ -156,8 +164,7 @@ class DisplacementSensing:
         if state.failed or state.suspect_ticks or not isfinite(sensor.mm):
             return by_resistance
         agrees = state.valid_ticks > RETURNS_TICKS and abs(state.disagreement_mm) < self._most_mm
-        returns = agrees or state.source is not DisplacementFrom.RESISTANCE
-        return DisplacementFrom.SENSOR if returns else by_resistance
+        return by_resistance if state.is_doubted and not agrees else DisplacementFrom.SENSOR
 
 
 def _apart(apart_mm: float, before_mm: float, now_mm: float, predicted_mm: float) -> float:

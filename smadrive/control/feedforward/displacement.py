@@ -47,7 +47,7 @@ MAP_LEVELS = 50
 
 
 class TemperatureTarget(NamedTuple):
-    """The temperature that a displacement setpoint needs, °C.
+    """The temperature that a displacement setpoint needs, °C, and the displacement that the wire then has, mm.
 
     `k_per_mm` is the derivative of this temperature with respect to the setpoint, in K/mm. It is 0 if the temperature
     does not follow the setpoint.
@@ -55,6 +55,7 @@ class TemperatureTarget(NamedTuple):
 
     temperature_c: float
     k_per_mm: float
+    displacement_mm: float
 
 
 class DisplacementInverse(Protocol):
@@ -101,22 +102,28 @@ class HysteresisInverse:
         """
         soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
-            return TemperatureTarget(self._model.input_range[0] - COLDER_C, 0.0)
+            return TemperatureTarget(self._model.input_range[0] - COLDER_C, 0.0, self._cold_mm)
         lead = direction * (state.y - setpoint_mm) / self._travel_mm
         made_up = max(direction * rate_mm_per_s / self._travel_mm * REVERSAL_S, 0.0)
         if 0.0 <= lead <= REVERSAL_TOLERANCE + made_up:
-            return self._wait(state, lead, direction)
+            return self._wait(state, lead, direction, setpoint_mm)
         inversion = self._inverse.update(state, setpoint_mm)
         reached = self._model.step(state, inversion.v)
         slope = self._model.slope(reached, 1 if inversion.v >= state.v else -1)
-        return TemperatureTarget(inversion.v, 1.0 / slope if inversion.reachable and slope else 0.0)
+        return TemperatureTarget(inversion.v, 1.0 / slope if inversion.reachable and slope else 0.0, reached.y)
 
-    def _wait(self, state: HysteresisState, lead: float, direction: int) -> TemperatureTarget:
-        """Return a target a little behind the state, on the same branch, where the wire waits for the reference."""
+    def _wait(self, state: HysteresisState, lead: float, direction: int, setpoint_mm: float) -> TemperatureTarget:
+        """Return a target a little behind the state, on the same branch, where the wire waits for the reference.
+
+        At a turning point, where the old branch is steeper than the new one, the target is the present temperature: a
+        target behind it would move the wire further along the old branch.
+        """
         per_k = self._model.slope(state, direction) / self._travel_mm
+        if self._model.slope(state, -direction) / self._travel_mm > per_k:
+            return TemperatureTarget(state.v, 0.0, state.y)
         if lead >= per_k * WAITING_RANGE_C:
-            return TemperatureTarget(state.v - direction * WAITING_RANGE_C, 0.0)
-        return TemperatureTarget(state.v - direction * lead / per_k, 1.0 / (per_k * self._travel_mm))
+            return TemperatureTarget(state.v - direction * WAITING_RANGE_C, 0.0, setpoint_mm)
+        return TemperatureTarget(state.v - direction * lead / per_k, 1.0 / (per_k * self._travel_mm), setpoint_mm)
 
 
 class StaticMap:
@@ -147,7 +154,7 @@ class StaticMap:
 
     def target(
         self,
-        state: HysteresisState,  # noqa: ARG002
+        state: HysteresisState,
         setpoint_mm: float,
         direction: int,  # noqa: ARG002
         rate_mm_per_s: float = 0.0,  # noqa: ARG002
@@ -159,17 +166,18 @@ class StaticMap:
         """
         at = int(np.searchsorted(self._displacement_mm, setpoint_mm))
         if not 0 < at < MAP_LEVELS:
-            return TemperatureTarget(float(self._temperature_c[min(at, MAP_LEVELS - 1)]), 0.0)
+            return TemperatureTarget(float(self._temperature_c[min(at, MAP_LEVELS - 1)]), 0.0, state.y)
         (y0, y1), (t0, t1) = self._displacement_mm[at - 1 : at + 1], self._temperature_c[at - 1 : at + 1]
         k_per_mm = float((t1 - t0) / (y1 - y0))
-        return TemperatureTarget(float(t0) + k_per_mm * (setpoint_mm - float(y0)), k_per_mm)
+        return TemperatureTarget(float(t0) + k_per_mm * (setpoint_mm - float(y0)), k_per_mm, state.y)
 
 
 class Feedforward(NamedTuple):
-    """The setpoint of the wire temperature, and the power that belongs to this setpoint."""
+    """The setpoint of the wire temperature, the power for it, and the displacement that the wire then has."""
 
     temperature_c: float
     power_w: float
+    displacement_mm: float
 
 
 class DisplacementFeedforward:
@@ -183,14 +191,17 @@ class DisplacementFeedforward:
     def update(self, estimate: WireEstimate, setpoint_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
         """Return temperature setpoint and power for the displacement `setpoint_mm`, which moves at `rate_mm_per_s`.
 
-        `estimate` is the estimated state of the wire. `direction` is the direction of the reference: +1 towards the hot
-        end of the travel, -1 towards the cold end.
+        `estimate` is the estimated state of the wire, whose shift of the transformation is added to the temperature of
+        the inverse. `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the
+        cold end.
         """
         target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s)
         rate_c_per_s = target.k_per_mm * rate_mm_per_s
-        power_w = self._balance.power_w(target.temperature_c, rate_c_per_s, rate_mm_per_s / self._travel_mm)
-        return Feedforward(target.temperature_c, power_w - estimate.disturbance_w)
+        temperature_c = target.temperature_c + estimate.shift_c
+        power_w = self._balance.power_w(temperature_c, rate_c_per_s, rate_mm_per_s / self._travel_mm)
+        return Feedforward(temperature_c, power_w - estimate.disturbance_w, target.displacement_mm)
 
-    def hold(self, estimate: WireEstimate, temperature_c: float) -> Feedforward:
-        """Return the temperature setpoint `temperature_c`, and the power that holds the wire at this temperature."""
-        return Feedforward(temperature_c, self._balance.power_w(temperature_c, 0.0, 0.0) - estimate.disturbance_w)
+    def hold(self, estimate: WireEstimate, temperature_c: float, displacement_mm: float) -> Feedforward:
+        """Return the given setpoints of temperature and displacement, and the power that holds the wire there."""
+        power_w = self._balance.power_w(temperature_c, 0.0, 0.0) - estimate.disturbance_w
+        return Feedforward(temperature_c, power_w, displacement_mm)

@@ -100,7 +100,8 @@ class ReversalPreview:
             return None
         meets_s = max(crossing.meets_s, reverses_s)
         meets_mm = reference.value_mm(meets_s)
-        return Reversal(meets_s, meets_mm, self._inverse.update(estimate.hysteresis, meets_mm).v, -direction)
+        meets_c = self._inverse.update(estimate.hysteresis, meets_mm).v + estimate.shift_c
+        return Reversal(meets_s, meets_mm, meets_c, -direction)
 
     def _shortfalls(
         self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float

@@ -17,12 +17,15 @@ LOOP = DuhemModel.gaussian(
 DT_S = 0.05
 
 
-def follow(balance, powers_w, noise_c=0.1, lost=(), model=LOOP, noise_mm=None, losses=None):
-    """(true, read, estimated) temperatures and (true, estimated) displacements of a wire driven by `powers_w`.
+def follow(balance, powers_w, noise_c=0.1, lost=(), model=LOOP, noise_mm=None, losses=None, shifts_c=None):
+    """Return the rows of (true, read, estimated) temperatures, shift, (true, estimated) displacements, and power.
 
-    The displacement is measured where it has a noise. `losses` are factors of the true heat loss, one per power.
+    Shift and power are those that the observer estimates. The wire is driven by `powers_w`. The displacement is
+    measured where it has a noise. `losses` are factors of the true heat loss, `shifts_c` true shifts of the
+    transformation, one per power.
     """
     losses = np.ones(len(powers_w)) if losses is None else losses
+    shifts_c = np.zeros(len(powers_w)) if shifts_c is None else shifts_c
     noise = np.random.default_rng(2)
     observer = WireObserver(WireModel(model, balance), DT_S, 0.1, 0.012)
     wire = reading = 22.0
@@ -35,11 +38,12 @@ def follow(balance, powers_w, noise_c=0.1, lost=(), model=LOOP, noise_mm=None, l
             direction = 1 if air.ambient_c + power_w / air.loss_w_per_k > wire else -1
             after = air.step(wire, power_w, LOOP.slope(state, direction) / LOOP.scale, DT_S / 10)
             reading = air.step_thermocouple(reading, wire, after, DT_S / 10)
-            wire, state = after, LOOP.step(state, after)
+            wire, state = after, LOOP.step(state, after - shifts_c[n])
         read = float("nan") if n in lost else reading + noise.normal(0, noise_c)
         seen_mm = float("nan") if noise_mm is None else state.y + noise.normal(0, noise_mm)
         estimate = observer.update(estimate, read, seen_mm, power_w, DT_S)
-        rows.append((wire, read, estimate.temperature_c, state.y, estimate.hysteresis.y, estimate.disturbance_w))
+        temperatures, displacements = (wire, read, estimate.temperature_c), (state.y, estimate.hysteresis.y)
+        rows.append((*temperatures, estimate.shift_c, *displacements, estimate.disturbance_w))
     return np.array(rows).T
 
 
@@ -68,7 +72,7 @@ def test_draft_is_found_within_a_second_without_displacement(factor):
     """The draft grows and ceases within a second. The wire then follows the other branch, and so does the estimate."""
     ramp = np.linspace(1.0, factor, 20)
     losses = np.concatenate([np.ones(340), ramp, np.full(300, factor), ramp[::-1], np.ones(340)])
-    wire, _, estimated, displacement, blind, unexplained = follow(TRUE, POWERS, losses=losses)
+    wire, _, estimated, _, displacement, blind, unexplained = follow(TRUE, POWERS, losses=losses)
     found_w = (1.0 - factor) * TRUE.loss_w_per_k * (wire - TRUE.ambient_c)
     assert np.abs(unexplained - found_w)[380:660] == pytest.approx(0.0, abs=0.15)
     assert rms((estimated - wire)[380:660]) < 0.15
@@ -115,6 +119,30 @@ def test_displacement_sensor_improves_the_temperature():
     wire, _, blind, *_ = follow(TRUE, POWERS)
     _, _, seeing, *_ = follow(TRUE, POWERS, noise_mm=0.012)
     assert rms(seeing - wire) < rms(blind - wire)
+
+
+AT_REST_THEN_CHANGED = np.concatenate((np.zeros(400), np.linspace(0.0, 1.0, 20), np.ones(180)))
+HEATING = np.concatenate((np.full(300, 0.75), np.linspace(0.75, 1.0, 300)))
+
+
+@pytest.mark.parametrize("shift_c", [-6.0, 6.0])
+def test_load_becomes_a_shift_with_a_displacement_sensor(shift_c):
+    wire, _, estimated, shift, *_, power_w = follow(
+        TRUE, HEATING, noise_mm=0.012, shifts_c=shift_c * AT_REST_THEN_CHANGED
+    )
+    assert shift[:400] == pytest.approx(0.0, abs=0.7)
+    assert shift[-1] == pytest.approx(shift_c, abs=2.0)
+    assert abs(power_w[-1]) < 0.1 * TRUE.loss_w_per_k * (wire[-1] - TRUE.ambient_c)
+    assert rms((estimated - wire)[-40:]) < 0.4
+
+
+def test_draft_becomes_a_power_with_a_displacement_sensor():
+    wire, _, estimated, shift, *_, power_w = follow(
+        TRUE, HEATING, noise_mm=0.012, losses=1.0 + 0.6 * AT_REST_THEN_CHANGED
+    )
+    assert power_w[-1] == pytest.approx(-0.6 * TRUE.loss_w_per_k * (wire[-1] - TRUE.ambient_c), rel=0.2)
+    assert abs(shift[-1]) < 1.0
+    assert rms((estimated - wire)[-40:]) < 0.4
 
 
 def test_observer_continues_from_the_estimate_of_another():

@@ -41,7 +41,7 @@ def test_command_does_not_jump_and_converges_to_that_of_the_new_controller():
     after, fresh = controller(wire(mu_heating=93.0)), controller(wire(mu_heating=93.0))
     after.take_over(before)
     fresh.take_over(before)
-    fresh._feedback = TemperatureFeedback(before._feedback.gains)
+    fresh._feedback = TemperatureFeedback(before._feedback.gains, before._feedback.integrated_c)
     fresh._feedback.integral_w = before._feedback.integral_w
     time_s = 40 * PERIOD_S
     jump_w = abs(fresh.update(time_s, reading(time_s, 84.0), PERIOD_S).power_w - last.power_w)
@@ -57,7 +57,7 @@ def test_command_does_not_jump_and_converges_to_that_of_the_new_controller():
 def test_command_at_its_limit_leaves_no_difference():
     before, after = TemperatureFeedback(PIGains(0.1, 0.0)), TemperatureFeedback(PIGains(0.1, 0.0))
     assert before.update(-50.0, 0.0, 6.0, PERIOD_S) == 0.0
-    after.take_over(before)
+    after.take_over(before, 0.0)
     assert after.update(-20.0, 0.0, 6.0, PERIOD_S) == 0.0
     assert after.update(0.0, 1.5, 6.0, PERIOD_S) == 1.5
 

@@ -1,6 +1,7 @@
 """The displacements that a wire can have at a temperature."""
 
 from itertools import pairwise
+from math import inf, nan
 
 import numpy as np
 import pytest
@@ -27,6 +28,8 @@ def test_wire_of_any_history_is_within_its_band(turns, scale):
         for off_c in (-0.9 * UNSURE_C, 0.9 * UNSURE_C):
             low, high = placed.band_mm(at_c + off_c)
             assert low <= 1.0 + aged * (y - 1.0) <= high
+        for share in (1.0 / aged, aged):
+            assert at_c + 0.9 * UNSURE_C <= placed.hottest_c(1.0 + share * (y - 1.0))
 
 
 @pytest.mark.parametrize("scale", [12.0, -3.0])
@@ -49,3 +52,11 @@ def test_band_is_constant_beyond_the_range_of_the_model():
     placed = DisplacementBand(wire(12.0))
     assert placed.band_mm(-50.0) == placed.band_mm(20.0 - UNSURE_C)
     assert placed.band_mm(500.0) == placed.band_mm(140.0 + UNSURE_C)
+
+
+@pytest.mark.parametrize("scale", [12.0, -3.0])
+def test_displacement_of_a_wire_that_is_not_transformed_limits_its_temperature(scale):
+    placed = DisplacementBand(wire(scale))
+    limits_c = [placed.hottest_c(1.0 + share * scale) for share in (0.0, 0.4, 0.8)]
+    assert limits_c == pytest.approx([83.6 + UNSURE_C, 90.0 + UNSURE_C, 96.4 + UNSURE_C], abs=0.6)
+    assert placed.hottest_c(1.0 + 0.95 * scale) == placed.hottest_c(nan) == inf
