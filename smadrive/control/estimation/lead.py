@@ -22,7 +22,7 @@ from __future__ import annotations
 from math import exp, sqrt
 from typing import NamedTuple
 
-CHANGED = 0.2
+CHANGED = 0.03
 """Probability that leads or contacts have changed since the identification."""
 
 CHANGE = 0.003
