@@ -121,12 +121,8 @@ class TrackingController:
         self._limit_a = settings.current_limit_a
         noise_mm = DISPLACEMENT_NOISE * abs(wire.travel_mm)
         self._observer = WireObserver(wire, settings.period_s, settings.noise_c, noise_mm)
-        self._sensing = DisplacementSensing(
-            settings.displacement_from,
-            None if wire.resistance is None else ResistanceSensor(wire, wire.resistance),
-            noise_mm,
-            abs(wire.travel_mm),
-        )
+        resistance = None if wire.resistance is None else ResistanceSensor(wire, wire.resistance)
+        self._sensing = DisplacementSensing(settings.displacement_from, resistance, noise_mm, abs(wire.travel_mm))
         self._feedforward = DisplacementFeedforward(inverse, wire)
         self._preview = ReversalPreview(wire) if inverse.hysteretic else None
         balance, self._share = wire.balance, settings.feedforward_share
@@ -182,7 +178,8 @@ class TrackingController:
             power_w = self._feedback.update(error_c + latent_c, feedforward_w, period.limit_w, dt_s, self._faster)
         else:
             power_w = self._feedback.update(error_c, feedforward_w, period.limit_w, dt_s)
-        power_w = max(power_w, self._sensing.floor_a(sensing) ** 2 * self._wire.resistance_ohm(period.ahead.hysteresis))
+        ohm = self._wire.resistance_ohm(period.ahead.hysteresis)
+        power_w = max(min(power_w, self._sensing.most_a(sensing) ** 2 * ohm), self._sensing.floor_a(sensing) ** 2 * ohm)
         trim_mm = 0.0
         if reversal is None and is_seen:
             is_free = 0.0 < power_w < period.limit_w
@@ -190,7 +187,7 @@ class TrackingController:
             trim_mm = self._trim.update(before.trim_mm, error_mm, error_c if is_free else inf, dt_s)
         self._state = TrackingState(estimate, power_w, trim_mm, direction, reversal, period.ahead, sensing)
         return Command(
-            sqrt(power_w / self._wire.resistance_ohm(period.ahead.hysteresis)),
+            sqrt(power_w / ohm),
             target.temperature_c,
             self._reference.value_mm(time_s),
             estimate.temperature_c,

@@ -29,6 +29,9 @@ from smadrive.wire.wire_model import WireModel
 AVERAGED = 10.0
 """Number of samples over which the observer averages about."""
 
+SLOW_C_PER_S, FAST_C_PER_S = 12.0, 25.0
+"""Rate of the cold wire while its leads are measured, K/s, and the rate from which its temperature is not certain."""
+
 MOST_NOISE = 0.3
 """A displacement with a larger standard deviation, in strokes, is not used."""
 
@@ -46,7 +49,8 @@ UNSEEN = SeenDisplacement(nan, nan)
 class ResistanceSensor:
     """Measures the displacement of `wire` by its `resistance`.
 
-    `cold_c` is the temperature below which the wire is martensite after any history. `floor_a` is the sense current.
+    `cold_c` is the temperature below which the wire is martensite after any history. `floor_a` is the sense current,
+    `cold_a` the largest current while the leads of the cold wire are measured.
     """
 
     def __init__(self, wire: WireModel, resistance: WireResistance) -> None:
@@ -54,6 +58,8 @@ class ResistanceSensor:
         self._ohm_per_k = _ohm_per_k(wire, resistance)
         self.cold_c = cold_c(wire, resistance)
         self.floor_a = sense_current(wire, resistance).current_a
+        slow_w = SLOW_C_PER_S * wire.balance.heat_capacity_j_per_k
+        self.cold_a = max(sqrt(slow_w / resistance.martensite_ohm), self.floor_a)
 
     def unknown_lead(self) -> LeadChange:
         """Return the estimate of the leads before the first sample."""
@@ -78,13 +84,13 @@ class ResistanceSensor:
         if isfinite(sensor.mm):
             phase = (sensor.mm - self._wire.cold_mm) / self._wire.travel_mm
             noise = sensor.noise_mm / self._wire.travel_mm
-        elif self._is_cold(before):
+        elif self.is_cold(before):
             phase, noise = 0.0, COLD_PHASE
         else:
             return later
         slope = resistance.ohm_per_phase(ahead.temperature_c, phase)
         ohm = self._ohm(measurement, before, ahead, slope, dt_s)
-        if not isfinite(ohm):
+        if not isfinite(ohm) or abs(ahead.temperature_c - before.temperature_c) > FAST_C_PER_S * dt_s:
             return later
         variance = (resistance.noise_v / measurement.current_a) ** 2 + (slope * noise) ** 2
         least = (self._ohm_per_k * TEMPERATURE_C) ** 2 + resistance.error_ohm**2
@@ -101,7 +107,7 @@ class ResistanceSensor:
         start = wire.phase(ahead.hysteresis)
         slope = resistance.ohm_per_phase(temperature_c, start)
         ohm = self._ohm(measurement, before, ahead, slope, dt_s)
-        if not isfinite(ohm) or slope == 0.0 or self._is_cold(before):
+        if not isfinite(ohm) or slope == 0.0 or self.is_cold(before):
             return UNSEEN
         lead_ohm, lead_variance = lead.estimate()
         phase = resistance.phase(ohm - lead_ohm, temperature_c, start)
@@ -111,7 +117,8 @@ class ResistanceSensor:
             return UNSEEN
         return SeenDisplacement(wire.cold_mm + wire.travel_mm * phase, noise * abs(wire.travel_mm))
 
-    def _is_cold(self, before: WireEstimate) -> bool:
+    def is_cold(self, before: WireEstimate) -> bool:
+        """Return True if the wire is martensite after any history."""
         return max(before.temperature_c, before.thermocouple_c) < self.cold_c
 
     def _ohm(

@@ -20,7 +20,7 @@ does not, a contact has changed, and the sensor stays.
 
 from __future__ import annotations
 
-from math import exp, isfinite, nan
+from math import exp, inf, isfinite, nan
 from typing import NamedTuple
 
 from smadrive.control.estimation.lead import LeadChange
@@ -32,10 +32,14 @@ FORGET_S = 3.0
 MOST_SHARE, MOST_NOISES = 0.03, 2.5
 WEIGHT = 0.2
 FAILS_TICKS, RETURNS_TICKS = 5, 20
+COLD_S = 2.5
+"""Longest time for which the leads of the cold wire are measured at the beginning of a run, s."""
 
 
 class Sensing(NamedTuple):
     """The state of the sensing.
+
+    `cold_s` is the time for which the leads of the cold wire were measured, s; inf when the wire is not cold.
 
     `lead` is the change of the leads. `apart_mm` and `resistance_apart_mm` are the differences d of the sensor and of
     the resistance, `disagreement_mm` is the weighted mean of sensor - resistance. `before_mm` and
@@ -57,6 +61,7 @@ class Sensing(NamedTuple):
     is_doubted: bool = False
     failed: bool = False
     source: DisplacementFrom = DisplacementFrom.NONE
+    cold_s: float = 0.0
 
     @property
     def needs_resistance(self) -> bool:
@@ -99,6 +104,12 @@ class DisplacementSensing:
             return 0.0
         return self._resistance.floor_a
 
+    def most_a(self, state: Sensing) -> float:
+        """Return the largest current in A: the leads are measured at the beginning, while the wire is cold."""
+        if self._resistance is None or self._chosen is not DisplacementFrom.RESISTANCE or state.cold_s > COLD_S:
+            return inf
+        return self._resistance.cold_a
+
     def update(
         self, state: Sensing, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
     ) -> tuple[Sensing, Seen]:
@@ -119,7 +130,9 @@ class DisplacementSensing:
         lead = self._resistance.lead(state.lead, measurement, before, ahead, trusted, dt_s)
         used = {DisplacementFrom.SENSOR: sensor, DisplacementFrom.RESISTANCE: by_resistance}.get(source, UNSEEN)
         is_doubted = state.has_sensor and source is not DisplacementFrom.SENSOR
-        return state._replace(lead=lead, source=source, is_doubted=is_doubted), Seen(used, by_resistance)
+        cold_s = state.cold_s + dt_s if self._resistance.is_cold(before) else inf
+        state = state._replace(lead=lead, source=source, is_doubted=is_doubted, cold_s=cold_s)
+        return state, Seen(used, by_resistance)
 
     def _sensor(self, measurement: Measurement) -> SeenDisplacement:
         if self._chosen is not DisplacementFrom.SENSOR or not isfinite(measurement.displacement_mm):
