@@ -37,6 +37,27 @@ class Wire(Section):
     stroke_mm: float = Field(gt=0)
 
 
+class RPhase(Section):
+    """The R-phase on cooling: the rise of the austenite's resistivity as a fraction, and where it forms, °C."""
+
+    rise: float = Field(gt=0, le=0.5)
+    centre_c: float
+    sigma_c: float = Field(gt=0, le=MAX_SIGMA_C)
+
+
+class Resistance(Section):
+    """How the resistance of the wire depends on more than its austenite fraction; see physics/resistance.py.
+
+    `martensite_per_k` and `austenite_per_k` are temperature coefficients at the ambient temperature. `strain` is the
+    strain of the cold wire, whose geometry changes the resistance.
+    """
+
+    martensite_per_k: float = Field(default=0.0, ge=-0.01, le=0.01)
+    austenite_per_k: float = Field(default=0.0, ge=-0.01, le=0.01)
+    strain: float = Field(default=0.0, ge=0, le=0.1)
+    r_phase: RPhase | None = None
+
+
 class Branches(Section):
     """Centre and width of the two branches of the hysteresis, in °C.
 
@@ -114,10 +135,18 @@ class Displacement(Section):
 
 
 class Sense(Section):
-    """The board's measurement of heater voltage and current."""
+    """The measurement of heater voltage and current by the device that heats.
+
+    Readings are multiples of the quanta, the resolution of the converters; 0 stands for a fine resolution. The device
+    measures the voltage at its terminals (two-wire sensing), so `lead_ohm`, the resistance of leads and contacts, adds
+    to that of the wire.
+    """
 
     current_noise_a: float = Field(ge=0)
     voltage_noise_v: float = Field(ge=0)
+    current_quantum_a: float = Field(default=0.0, ge=0)
+    voltage_quantum_v: float = Field(default=0.0, ge=0)
+    lead_ohm: float = Field(default=0.0, ge=0)
 
 
 class Board(Section):
@@ -166,6 +195,7 @@ class SimConfig(Section):
     board: Board
     displacement: Displacement | None = None
     bias: Bias | None = None
+    resistance: Resistance | None = None
     devices: tuple[DeviceEntry, ...] = ()
 
     @model_validator(mode="after")

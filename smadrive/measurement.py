@@ -1,12 +1,24 @@
-"""One sample of the wire: the type that the maths and the devices share."""
+"""One sample of the wire, and the source of its displacement: the types that the maths and the devices share."""
 
 from __future__ import annotations
 
+from enum import StrEnum
 from math import nan
 from typing import NamedTuple
 
 from smadrive.display.ascii_text import ascii_text
 from smadrive.display.card import card, quantity
+
+
+class DisplacementFrom(StrEnum):
+    """The source of the displacement in a run."""
+
+    SENSOR = "sensor"
+    """The displacement sensor, if there is one. The resistance replaces it when it fails."""
+    RESISTANCE = "resistance"
+    """The resistance of the wire."""
+    NONE = "none"
+    """Nothing: only the thermocouple is measured."""
 
 
 class Measurement(NamedTuple):

@@ -1,11 +1,11 @@
 """The wire as a lumped model: heat balance and phase transformation.
 
-    (m c + m L dξ/dT) dT/dt = I² R(ξ) - h A (T - T_amb)        R = R_cold (1 + r ξ)        stroke · ξ = displacement
+    (m c + m L dξ/dT) dT/dt = I² R(T, ξ) - h A (T - T_amb)        stroke · ξ = displacement
 
 m c is the heat capacity, L the latent heat, T the wire temperature, I the current, h A the heat loss per kelvin, and R
-the resistance, which changes by the fraction r. The austenite fraction ξ follows T with a hysteresis
-(transformation.py). Within a substep dξ/dT and R are taken as constant, and the balance is solved exactly. Substeps of
-at most 10 ms and about 1 K keep the error far below the sensors' noise.
+the resistance (resistance.py). The austenite fraction ξ follows T with a hysteresis (transformation.py). Within a
+substep dξ/dT and R are taken as constant, and the balance is solved exactly. Substeps of at most 10 ms and about 1 K
+keep the error far below the sensors' noise.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from firmware_sim.config import SimConfig
 from firmware_sim.physics.ageing import Ageing
 from firmware_sim.physics.heater_faults import HeaterFaults
 from firmware_sim.physics.load import Load
+from firmware_sim.physics.resistance import WireResistance
 from firmware_sim.physics.surroundings import Surroundings
 from firmware_sim.physics.transformation import LoadedTransformation
 
@@ -41,10 +42,11 @@ class Plant:
         self._transformation = LoadedTransformation(config.transformation, config.bias, wire.stroke_mm, wire.ambient_c)
         self._heat_capacity_j_per_k = wire.heat_capacity_j_per_k
         self._latent_j = wire.mass_kg * wire.latent_heat_j_per_kg
-        self._cold_ohm, self._change = wire.resistance_cold_ohm, wire.resistance_change
+        self._resistance = WireResistance(wire, config.resistance)
+        self._lead_ohm = config.sense.lead_ohm
         self._stroke_mm = wire.stroke_mm
         self.resistance_ohm = self._resistance_ohm()
-        """R(ξ) of the wire, without contacts."""
+        """Resistance of the wire, without leads and contacts."""
 
     @property
     def phase(self) -> float:
@@ -61,7 +63,8 @@ class Plant:
         return self.faults.by_name() | self.surroundings.by_name() | self.load.by_name() | self.ageing.by_name()
 
     def _resistance_ohm(self) -> float:
-        return self._cold_ohm * (1.0 + self._change * self._transformation.phase)
+        contraction = (1.0 - self.ageing.fade) * self._transformation.phase
+        return self._resistance.ohm(self.temperature_c, self._transformation.phase, contraction)
 
     def advance(self, current_a: float, dt_s: float, voltage_max_v: float = inf) -> None:
         """Let the set current `current_a` flow for `dt_s`, or less current if `voltage_max_v` is too low for it.
@@ -84,7 +87,7 @@ class Plant:
         if circuit.broken:
             self.current_a, self.voltage_v = 0.0, voltage_max_v if set_a > 0.0 and voltage_max_v < inf else 0.0
             return
-        loop_ohm = self.resistance_ohm + circuit.contact_ohm
+        loop_ohm = self.resistance_ohm + self._lead_ohm + circuit.contact_ohm
         driven_a = min(set_a * circuit.passed, voltage_max_v / loop_ohm, circuit.voltage_max_v / loop_ohm)
         self.current_a = max(driven_a, circuit.leak_a)
         self.voltage_v = self.current_a * loop_ohm

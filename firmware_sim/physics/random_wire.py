@@ -1,13 +1,15 @@
 """Random wires around a nominal wire. They scatter like wires of one type in rigs that different people build.
 
     μ ±5 K (each branch)   σ ±25 % (each branch)   stroke ±10 %   m c, h A, latent heat ±25 %   R ±5 %
-    thermocouple lag 50 to 250 ms, noise 0.1 K
+    thermocouple lag 50 to 250 ms, noise 0.1 K   strain 3 to 4.5 %   leads 0.5 to 3 % of R   change of R ±30 %
+    temperature coefficients of R in 1e-3/K: 0.6 to 1.0 (martensite), 0.3 to 0.7 (austenite)
 
 μ and σ are the centre and the width of a branch, m c is the heat capacity, h A the heat loss per kelvin, R the
-resistance. The values are uniform and independent. The kind of hysteresis does not depend on the nominal wire. On
-average, three of five wires get one Gaussian per branch, one wire gets a second component between its branches (as from
-an R-phase), and one wire gets a Preisach plane. If the branches cross in the working range, which is not physical, new
-branches are drawn.
+resistance. One wire in `R_PHASE_ONE_IN` has an R-phase, which raises the resistivity of the austenite by 2 to 6 % near
+its cooling branch. The values are uniform and independent. The kind of hysteresis does not depend on the nominal wire.
+On average, three of five wires get one Gaussian per branch, one wire gets a second component between its branches (as
+from an R-phase), and one wire gets a Preisach plane. If the branches cross in the working range, which is not physical,
+new branches are drawn.
 """
 
 from __future__ import annotations
@@ -15,13 +17,14 @@ from __future__ import annotations
 from random import Random
 from typing import Any, Literal
 
-from firmware_sim.config import SimConfig, Transformation
+from firmware_sim.config import Resistance, RPhase, SimConfig, Transformation
 from firmware_sim.physics.transformation import Duhem
 from smadrive.errors import ModelError
 
 HysteresisKind = Literal["duhem", "two-component", "preisach"]
 KINDS: tuple[HysteresisKind, ...] = ("duhem", "two-component", "preisach")
 SHARES = (3, 1, 1)
+R_PHASE_ONE_IN = 4
 REACH = 4.5  # standard deviations beyond both branches: the transformation is complete there
 
 
@@ -45,13 +48,31 @@ def random_wire(nominal: SimConfig, seed: int, kind: HysteresisKind | None = Non
     }
     thermocouple = {"lag_s": random.uniform(0.05, 0.25), "noise_c": 0.1}
     random_kind = random.choices(KINDS, SHARES)[0]
+    random_transformation = _transformation(nominal.transformation, kind or random_kind, random)
+    of_resistance = Random(f"resistance {seed}")  # its own, so that the other values of a seed stay
+    wires["resistance_change"] = wire.resistance_change * of_resistance.uniform(0.7, 1.3)
+    lead_ohm = wires["resistance_cold_ohm"] * of_resistance.uniform(0.005, 0.03)
     return nominal.model_copy(
         update={
             "wire": wire.model_copy(update=wires),
             "thermocouple": nominal.thermocouple.model_copy(update=thermocouple),
-            "transformation": _transformation(nominal.transformation, kind or random_kind, random),
+            "transformation": random_transformation,
+            "sense": nominal.sense.model_copy(update={"lead_ohm": lead_ohm}),
+            "resistance": _resistance(random_transformation.mu_cooling_c, of_resistance),
         }
     )
+
+
+def _resistance(cooling_c: float, random: Random) -> Resistance:
+    """Return the dependence of the resistance for a wire whose cooling branch has its centre at `cooling_c`."""
+    r_phase = {"rise": random.uniform(0.02, 0.06), "centre_c": cooling_c + random.uniform(-5.0, 10.0), "sigma_c": 3.0}
+    values = {
+        "martensite_per_k": random.uniform(0.6e-3, 1.0e-3),
+        "austenite_per_k": random.uniform(0.3e-3, 0.7e-3),
+        "strain": random.uniform(0.03, 0.045),
+    }
+    has_r_phase = random.randrange(R_PHASE_ONE_IN) == 0
+    return Resistance(**values, r_phase=RPhase(**r_phase) if has_r_phase else None)
 
 
 def _transformation(nominal: Transformation, kind: HysteresisKind, random: Random) -> Transformation:

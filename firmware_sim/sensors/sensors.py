@@ -22,6 +22,7 @@ class Sensors:
         self._conversion_s = thermocouple.conversion_s
         self._drift_c_per_h = thermocouple.cold_junction_drift_c_per_h
         self._noise_a, self._noise_v = sense.current_noise_a, sense.voltage_noise_v
+        self._quantum_a, self._quantum_v = sense.current_quantum_a, sense.voltage_quantum_v
         self._noise_mm = None if displacement is None else displacement.noise_mm
         self._plant = plant
         self._noise = Noise(seed)
@@ -83,5 +84,9 @@ class Sensors:
     def _sense_heater(self) -> None:
         right_a = max(0.0, self._plant.current_a + self._noise_a * self._noise.next())
         right_v = max(0.0, self._plant.voltage_v + self._noise_v * self._noise.next())
-        self.current_a = self.faults.current.shown(right_a, self.current_a)
-        self.voltage_v = self.faults.voltage.shown(right_v, self.voltage_v)
+        self.current_a = self.faults.current.shown(_quantised(right_a, self._quantum_a), self.current_a)
+        self.voltage_v = self.faults.voltage.shown(_quantised(right_v, self._quantum_v), self.voltage_v)
+
+
+def _quantised(value: float, quantum: float) -> float:
+    return value if quantum == 0.0 else round(value / quantum) * quantum

@@ -15,7 +15,7 @@ from smadrive.cli.identify import fit_result
 from smadrive.cli.output import AsJson, Output, make_empty_folder
 from smadrive.cli.run import HEADER, table_row
 from smadrive.cli.views.announcement import announce_excitation
-from smadrive.cli.views.demo_report import write_demo_report
+from smadrive.cli.views.reports.demo_report import write_demo_report
 from smadrive.cli.views.run_view import watched
 from smadrive.clock import Clock
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse, StaticMap

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import asdict
 from enum import StrEnum
 from math import isfinite
@@ -12,7 +11,8 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.views.fit_report import write_fit_report
+from smadrive.cli.views.reports.fit_report import write_fit_report
+from smadrive.cli.views.resistance_view import resistance_result, resistance_rows, resistance_sentences
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL, PAGE
@@ -20,7 +20,7 @@ from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
 from smadrive.identification.memory.fit import MemoryFit, check_memory
 from smadrive.identification.thermal import ThermalFit
 from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, MOST_FITTED_COMPONENTS, AnyFit, FitSettings
-from smadrive.runs.record_fit import INPUT, OUTPUT, fit_file
+from smadrive.runs.record_fit import INPUT, OUTPUT, RecordFit, fit_file
 
 
 class Kind(StrEnum):
@@ -84,8 +84,8 @@ def main(
     replaced = model_file.exists()
     result.wire(str(data)).save(model_file)
     if plot is not None:
-        write_fit_report(plot, fit, result.caveats, str(data), result.axes)
-    _print_fit(output, fit, thermal, result.caveats)
+        write_fit_report(plot, result, str(data))
+    _print_fit(output, result)
     output.say(f"model: {model_file}{' (replaced)' if replaced else ''}")
     output.result(
         {
@@ -93,6 +93,7 @@ def main(
             "caveats": result.caveats,
             **({} if plot is None else {"plot_file": str(plot)}),
             **({} if thermal is None else {"heat_balance": asdict(thermal.balance), "within": thermal.within}),
+            "resistance": resistance_result(result),
         }
     )
 
@@ -138,7 +139,8 @@ def _memory_rows(fit: AnyFit) -> list[tuple[str, str, str]]:
     return rows
 
 
-def _print_fit(output: Output, fit: AnyFit, thermal: ThermalFit | None, caveats: Iterable[str]) -> None:
+def _print_fit(output: Output, result: RecordFit) -> None:
+    fit, thermal = result.fit, result.thermal
     rows = [
         ("RMS error", f"{fit.rms_percent:.3f} %", "of the output span"),
         ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
@@ -148,8 +150,11 @@ def _print_fit(output: Output, fit: AnyFit, thermal: ThermalFit | None, caveats:
     ]
     if thermal is not None:
         rows += _heat_rows(thermal)
+    rows += resistance_rows(result)
     output.table(("", "value", ""), rows, notes=True)
-    output.warn(caveats)
+    for sentence in resistance_sentences(result):
+        output.say(sentence)
+    output.warn(result.caveats)
 
 
 def certificate_rows(certificate: Certificate) -> list[tuple[str, str, str]]:

@@ -18,7 +18,7 @@ import typer
 from numpy.typing import NDArray
 
 from smadrive.cli.output import AsJson, Output, make_folder
-from smadrive.cli.views.paper_report import HEADER, write_paper_report
+from smadrive.cli.views.reports.paper_report import HEADER, write_paper_report
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.identification import identify_tsfuzzy

@@ -11,7 +11,7 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.views.health_report import show_health
+from smadrive.cli.views.reports.health_report import show_health
 from smadrive.display.card import quantity
 from smadrive.measurement import Measurement
 from smadrive.rig.calibration.description import descriptions, today

@@ -21,6 +21,7 @@ from smadrive.control.references.shapes import SHAPES
 from smadrive.errors import ConfigError, TripError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.continuation import continuation_of
@@ -71,6 +72,10 @@ def main(
     resume: Annotated[
         Path | None, typer.Option(help="Log of a run with --repeat that ended early: run its remaining cycles.")
     ] = None,
+    displacement_from: Annotated[
+        DisplacementFrom | None,
+        typer.Option(help="Source of the displacement, instead of that in the rig file."),
+    ] = None,
     trace: TraceFolder = None,
     publish: Publish = None,
     as_json: AsJson = False,
@@ -97,7 +102,13 @@ def main(
         ):
             stream.begin(open_rig)
             plan = plan_tracking(
-                open_rig, given.reference, given.wire, smooth=smooth, smooth_option="--smooth", cycling=given.cycling
+                open_rig,
+                given.reference,
+                given.wire,
+                smooth=smooth,
+                smooth_option="--smooth",
+                cycling=given.cycling,
+                displacement_from=displacement_from,
             )
             plan = replace(plan, caveats=(*given.caveats, *plan.caveats))
             warned = plan.caveats

@@ -25,6 +25,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
+from smadrive.measurement import DisplacementFrom
 from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.config import RigConfig, load_rig, rig_file
 from smadrive.rig.rig import Rig
@@ -72,6 +73,7 @@ def main(
     check_bokeh()
     output = Output(as_json)
     config = load_rig(rig)
+    _check_source(config)
     wire = load_wire(model_file(config, model))
     tuning = Tuning.of(wire.model, config.feedback, "as loaded", wire.caveats)
     references = _references(reference or [], wire.model)
@@ -118,6 +120,18 @@ def _published(
 ) -> AbstractContextManager[Publication | None]:
     """Return the context in which the session is published, or an empty one without `--publish`."""
     return nullcontext() if url is None else published(url, config, "tune", channel, output)
+
+
+def _check_source(config: RigConfig) -> None:
+    """Raise ConfigError if the displacement does not come from a sensor: the page has no other source."""
+    if config.displacement_from is not DisplacementFrom.SENSOR:
+        raise ConfigError(
+            "the tuning page takes the displacement from a sensor, or from nothing",
+            where=f"rig '{config.name}': displacement_from",
+            value=config.displacement_from.value,
+            limit=DisplacementFrom.SENSOR.value,
+            cure="use another rig file, or `smadrive run`",
+        )
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from smadrive.control.controllers.tracking import DISPLACEMENT_NOISE, TrackingCo
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.wire.recorded_loops import Sections, sections_of
 from smadrive.wire.wire_model import WireModel, WireState
 
@@ -169,9 +169,9 @@ def simulate_run(
     reference: Reference, wire: WireModel, inverse: DisplacementInverse, settings: TrackingSettings, start: WireState
 ) -> Feasibility:
     """Simulate a run of `reference` on the model of the wire, from the state `start`, and return its result."""
-    balance = replace(wire.balance, loss_w_per_k=(1.0 - MARGIN) * wire.balance.loss_w_per_k)
-    slow_wire = WireModel(wire.model, balance)
-    weak = replace(settings, current_limit_a=(1.0 - MARGIN) * settings.current_limit_a)
+    slow_wire = WireModel(wire.model, replace(wire.balance, loss_w_per_k=(1.0 - MARGIN) * wire.balance.loss_w_per_k))
+    weak_a, sensor = (1.0 - MARGIN) * settings.current_limit_a, DisplacementFrom.SENSOR
+    weak = replace(settings, current_limit_a=weak_a, displacement_from=sensor)
     ticks = np.array(list(_ticks(reference, slow_wire, inverse, weak, start)))
     return _judge(reference, ticks, wire.travel_mm)
 

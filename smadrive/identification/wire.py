@@ -1,8 +1,10 @@
-"""Identification of a wire from one recorded excitation: first its heat balance, then its hysteresis.
+"""Identification of a wire from one recorded excitation: its heat balance, its hysteresis, then its resistance.
 
 The order matters. The thermocouple lags the wire by about 0.1 s, which at a few K/s is several tenths of a kelvin. In
 the middle of the loop 1 K is 5 to 7 % of the stroke. So a hysteresis model that is fitted to the reading would be too
-wide. The thermal fit comes first, and the hysteresis model is fitted to the temperature of the wire itself.
+wide. The thermal fit comes first, and the hysteresis model is fitted to the temperature of the wire itself. The
+resistance depends on this temperature and on the phase, whose ends are those of the hysteresis model. A wire without a
+usable resistance is complete without it.
 """
 
 from __future__ import annotations
@@ -12,15 +14,18 @@ from typing import Literal, NamedTuple
 
 from numpy.typing import ArrayLike
 
+from smadrive.errors import IdentificationError
 from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import identify_duhem
 from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.memory.fit import MemoryFit, identify_memory
 from smadrive.identification.quality.fit import Fit
+from smadrive.identification.resistance_fit.fit import ResistanceFit, identify_resistance
 from smadrive.identification.thermal import ThermalFit, identify_thermal
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.recorded_loops import recorded_sections
+from smadrive.wire.wire_model import WireModel
 
 Kind = Literal["tsfuzzy", "duhem"]
 
@@ -56,17 +61,30 @@ STANDARD_FIT = FitSettings()
 
 @dataclass(frozen=True)
 class WireFit:
-    """The thermal fit and the hysteresis fit of one record."""
+    """The thermal fit, the hysteresis fit and the resistance fit of one record.
+
+    `resistance` is None if the resistance cannot measure the displacement; `without_resistance` is then the reason.
+    """
 
     thermal: ThermalFit
     hysteresis: AnyFit
+    resistance: ResistanceFit | None
+    without_resistance: str = ""
 
     @property
     def wire(self) -> IdentifiedWire:
-        """The identified wire: hysteresis model, heat balance, caveats and metrics."""
+        """The identified wire: hysteresis model, heat balance, resistance, caveats and metrics."""
         fit = self.hysteresis
         sections_c = recorded_sections(fit.path)
-        return IdentifiedWire(fit.model, self.thermal.balance, fit.caveats, fit.metrics, sections_c=sections_c)
+        resistance = None if self.resistance is None else self.resistance.resistance
+        return IdentifiedWire(
+            fit.model,
+            self.thermal.balance,
+            fit.caveats,
+            fit.metrics,
+            sections_c=sections_c,
+            resistance=resistance,
+        )
 
 
 def identify_hysteresis(v: ArrayLike, y: ArrayLike, settings: FitSettings) -> AnyFit:
@@ -84,11 +102,15 @@ def identify_wire(
     start: HeatBalance,
     settings: FitSettings = STANDARD_FIT,
 ) -> WireFit:
-    """Fit heat balance and hysteresis model to a recorded excitation, and return both fits.
+    """Fit heat balance, hysteresis model and resistance to a recorded excitation, and return the fits.
 
     The search for the heat balance begins at the nominal heat balance `start`. Raises the errors of `identify_thermal`
     and of `identify_hysteresis`.
     """
     thermal = identify_thermal(record, start)
     fit = identify_hysteresis(thermal.wire_temperature_c, record.displacement_mm, settings)
-    return WireFit(thermal, fit)
+    try:
+        wire = WireModel(fit.model, thermal.balance)
+        return WireFit(thermal, fit, identify_resistance(record, thermal.wire_temperature_c, wire))
+    except IdentificationError as error:
+        return WireFit(thermal, fit, None, f"{error.what} ({error.value}): {error.cure}")

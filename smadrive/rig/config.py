@@ -13,6 +13,7 @@ from smadrive.errors import ConfigError
 from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import RIG
 from smadrive.files.shipped import config_file
+from smadrive.measurement import DisplacementFrom
 
 ZERO_C_IN_K = 273.15
 
@@ -100,7 +101,8 @@ LOOP_PERIODS = 2.5
 class RigConfig(Section):
     """The content of a rig file.
 
-    off_by_mqtt    if True, a message at the topic `off` stops a command that publishes to a broker (docs/telemetry.md)
+    `displacement_from` is the source of the displacement in a run: `sensor`, `resistance` or `none`. If `off_by_mqtt`
+    is True, a message at the topic `off` stops a command that publishes to a broker (docs/telemetry.md).
     """
 
     name: str
@@ -113,6 +115,7 @@ class RigConfig(Section):
     feedback: FeedbackConfig = Field(default_factory=FeedbackConfig, validate_default=True)
     calibration: CalibrationConfig = CalibrationConfig()
     off_by_mqtt: bool = False
+    displacement_from: DisplacementFrom = DisplacementFrom.SENSOR
 
     @field_validator("feedback")
     @classmethod

@@ -5,6 +5,8 @@ The rig runs such a controller on the wire; a replay runs the same controller on
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from smadrive.control.controllers.feedback import PIGains
 from smadrive.control.controllers.step import ConstantCurrentController, ConstantTemperatureController, ManualStep
 from smadrive.control.controllers.temperature import Controller, TemperatureController
@@ -14,8 +16,10 @@ from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.identification.excitation_plans import planned_excitation
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import ExcitationConfig, RigConfig
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 EXCITATION_SLOWER = 2.0
@@ -67,9 +71,17 @@ def tracking_controller(
     model: IdentifiedModel,
     balance: HeatBalance,
     inverse: DisplacementInverse,
+    resistance: WireResistance | None = None,
+    displacement_from: DisplacementFrom | None = None,
 ) -> TrackingController:
-    """Return the controller that follows a displacement reference with the given inverse model."""
-    return TrackingController(reference, WireModel(model, balance), inverse, tracking_settings(config))
+    """Return the controller that follows a displacement reference with the given inverse model.
+
+    `displacement_from` replaces the source of the displacement in the rig file.
+    """
+    settings = tracking_settings(config)
+    if displacement_from is not None:
+        settings = replace(settings, displacement_from=displacement_from)
+    return TrackingController(reference, WireModel(model, balance, resistance), inverse, settings)
 
 
 def tracking_settings(config: RigConfig) -> TrackingSettings:
@@ -81,4 +93,5 @@ def tracking_settings(config: RigConfig) -> TrackingSettings:
         integral_s=config.feedback.integral_s,
         noise_c=config.feedback.noise_c,
         feedforward_share=config.feedback.feedforward_share,
+        displacement_from=config.displacement_from,
     )

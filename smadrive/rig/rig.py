@@ -24,7 +24,7 @@ from smadrive.errors import ConfigError, SafetyError
 from smadrive.files.number_text import distinct
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.modbus.transports.transport import Transport
 from smadrive.posix import check_posix
 from smadrive.rig.assembly import open_devices
@@ -32,6 +32,7 @@ from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_excitation_time, check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, excitation_path, tracking_controller
 from smadrive.rig.plan import plan_rig
+from smadrive.rig.sensing.checks import check_sensing
 from smadrive.rig.supervision import supervisor
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
@@ -39,6 +40,8 @@ from smadrive.safety.supervisor import Supervisor
 from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.resistance import WireResistance
+from smadrive.wire.wire_model import WireModel
 
 Record = Callable[[Tick], None]
 
@@ -151,12 +154,17 @@ class Rig:
         inverse: DisplacementInverse,
         record: Record,
         expected: ExpectedRest | None = None,
+        resistance: WireResistance | None = None,
+        displacement_from: DisplacementFrom | None = None,
     ) -> LoopMetrics:
         """Track a displacement reference with the given inverse model. Return the metrics of the loop.
 
-        `record` is called with every tick. A jump of the resistance away from `expected` is a fault.
+        `record` is called with every tick. A jump of the resistance away from `expected` is a fault. `resistance` is
+        the identified resistance of the wire. `displacement_from` replaces the source of the displacement in the rig
+        file.
         """
-        controller = tracking_controller(self.config, reference, model, balance, inverse)
+        arguments = reference, model, balance, inverse, resistance, displacement_from
+        controller = tracking_controller(self.config, *arguments)
         return self.drive(controller, balance, record, model, expected=expected)
 
     def drive(
@@ -178,6 +186,12 @@ class Rig:
         """
         self.check_balance(balance)
         return self._run(controller, self._supervisor(balance, model, expected), record, stop_requested)
+
+    def check_sensing(
+        self, wire: WireModel, displacement_from: DisplacementFrom, temperature_c: float
+    ) -> tuple[str, ...]:
+        """Return warnings about the source of the displacement. ConfigError if it is impossible; see check_sensing."""
+        return check_sensing(displacement_from, self._plan.source, wire, temperature_c)
 
     def check_balance(self, balance: HeatBalance) -> None:
         """Raise ConfigError if this heat balance cannot belong to the rig's wire; see check_same_wire."""

@@ -125,12 +125,14 @@ def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> Loop
     notes = {"given_reference": reference_text(plan.given), "caveats": json.dumps(plan.caveats)}
     notes |= {} if plan.cycling is None else {"cycling": plan.cycling.text()}
     notes |= {} if plan.wire_file is None else {WIRE_FILE: str(plan.wire_file)}
+    notes["displacement_from"] = plan.displacement_from.value
+    sensing = plan.wire.resistance, plan.displacement_from
     with (
-        record_tracking(log_file, rig, plan.nearest, model, balance, inverse, **notes) as recorder,
+        record_tracking(log_file, rig, plan.nearest, model, balance, inverse, sensing[0], **notes) as recorder,
         watch(recorder, plan.nearest.duration_s) as record,
     ):
         if plan.cycling is None:
-            return rig.track(plan.nearest, model, balance, inverse, record, plan.expected)
+            return rig.track(plan.nearest, model, balance, inverse, record, plan.expected, *sensing)
         ends_mm, current_max_a = travel_mm(model), rig.config.limits.current_max_a
         cycles = CycleEvents(recorder.event, plan.nearest, plan.cycling, ends_mm, current_max_a)
 
@@ -138,7 +140,7 @@ def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> Loop
             cycles.tick(tick)
             record(tick)
 
-        loop = rig.track(plan.nearest, model, balance, inverse, record_cycles, plan.expected)
+        loop = rig.track(plan.nearest, model, balance, inverse, record_cycles, plan.expected, *sensing)
         cycles.finish()
         return loop
 

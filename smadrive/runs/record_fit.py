@@ -14,6 +14,7 @@ from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import LOG, TABLE
 from smadrive.files.spelling import suggestion
 from smadrive.identification.column_units import swap_doubts, time_doubts, unit_doubts
+from smadrive.identification.resistance_fit.fit import ResistanceFit
 from smadrive.identification.thermal import ThermalFit
 from smadrive.identification.wire import AnyFit, FitSettings, identify_hysteresis, identify_wire
 from smadrive.runs.log.reader import Log, read_log
@@ -24,24 +25,31 @@ from smadrive.wire.recorded_loops import recorded_sections
 INPUT, OUTPUT = "temperature_c", "displacement_mm"
 """The columns of a table from which a model is fitted, unless other columns are chosen."""
 
+NO_CURRENT = "the record has no current and no voltage: give the log of an excitation"
+"""The reason why a table has no resistance."""
+
 
 @dataclass(frozen=True)
 class RecordFit:
-    """The fit of the hysteresis and, for a log, the fit of the heat balance.
+    """The fit of the hysteresis and, for a log, the fits of the heat balance and of the resistance.
 
-    `caveats` are reasons to distrust the fits. `axes` are the labels of input and output.
+    `caveats` are reasons to distrust the fits. `axes` are the labels of input and output. `resistance` is None if the
+    resistance cannot measure the displacement; `without_resistance` is then the reason.
     """
 
     fit: AnyFit
     thermal: ThermalFit | None
     caveats: tuple[str, ...]
     axes: tuple[str, str]
+    resistance: ResistanceFit | None = None
+    without_resistance: str = NO_CURRENT
 
     def wire(self, source: str) -> IdentifiedWire:
         """Return the identified wire; `source` names the record."""
         balance = None if self.thermal is None else self.thermal.balance
         sections_c = recorded_sections(self.fit.path)
-        return IdentifiedWire(self.fit.model, balance, self.caveats, self.fit.metrics, source, sections_c)
+        resistance = None if self.resistance is None else self.resistance.resistance
+        return IdentifiedWire(self.fit.model, balance, self.caveats, self.fit.metrics, source, sections_c, resistance)
 
 
 def fit_file(path: Path, columns: tuple[str, str], settings: FitSettings) -> RecordFit:
@@ -88,7 +96,8 @@ def fit_log(log: Log, settings: FitSettings) -> RecordFit:
     """Fit heat balance and hysteresis to the log of an excitation."""
     wire = identify_wire(excitation_record(log), nominal_balance(log), settings)
     caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
-    return RecordFit(wire.hysteresis, wire.thermal, caveats, ("wire temperature / °C", "displacement / mm"))
+    axes = "wire temperature / °C", "displacement / mm"
+    return RecordFit(wire.hysteresis, wire.thermal, caveats, axes, wire.resistance, wire.without_resistance)
 
 
 def fit_columns(

@@ -18,7 +18,7 @@ from smadrive.control.controllers.temperature import Command, Controller
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.controllers import excitation_controller, step_controller, tracking_controller
 from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
@@ -128,7 +128,9 @@ def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
         raise DataError(what, where=log.path, cure="replay it with a model: --model FILE")
     stepped = (wire or wire_of(log)).wire_model()
     inverse = HysteresisInverse(stepped.model)
-    return tracking_controller(config, reference_of(log), stepped.model, stepped.balance, inverse)
+    chosen = DisplacementFrom(log.metadata.get("displacement_from", DisplacementFrom.SENSOR))
+    arguments = stepped.model, stepped.balance, inverse, stepped.resistance, chosen
+    return tracking_controller(config, reference_of(log), *arguments)
 
 
 def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:

@@ -21,7 +21,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.errors import StoppedError
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.rig import Rig
 from smadrive.runs.columns import COLUMNS, row_getter
 from smadrive.runs.log.reader import STOP
@@ -30,6 +30,7 @@ from smadrive.runs.log.writer import GROWTH_ROWS
 from smadrive.runs.session_record import KIND
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.resistance import WireResistance
 
 _row = row_getter(COLUMNS)
 
@@ -41,6 +42,10 @@ OWN_CONTROLLER = "own controller"
 
 STEP = "manual step"
 """The metadata text `kind` of a run of the command `heat`."""
+
+BY_RESISTANCE = "warning: the displacement sensor has failed, the resistance of the wire replaces it"
+BY_SENSOR = "the displacement sensor is valid again and used"
+"""The events when the source of the displacement changes."""
 
 OBSERVATION = "observation"
 """The metadata text `kind` of a log of the command `watch`: measurements without heat."""
@@ -54,8 +59,9 @@ _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 class TickRecorder(Recorder):
     """Records the ticks of a loop: a row for each tick, and events.
 
-    An event is written when the faults change, and when a limit acts for the first time. `stopped_by` returns the
-    program that has made an emergency stop, as text; empty without a stop.
+    An event is written when the faults change, when a limit acts for the first time, and when the source of the
+    displacement changes between a sensor and the resistance. `stopped_by` returns the program that has made an
+    emergency stop, as text; empty without a stop.
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, str], rows: int, stopped_by: Callable[[], str] = str) -> None:
@@ -63,12 +69,15 @@ class TickRecorder(Recorder):
         self._stopped_by = stopped_by
         self._reported_limits: set[str] = set()
         self._faults: tuple[str, ...] = ()
+        self._by_sensor = metadata.get("displacement_from") == DisplacementFrom.SENSOR
+        self._uses_resistance = False
 
     def tick(self, tick: Tick) -> None:
         """Record one tick of the loop. DataError when the log cannot be written."""
         self.row(_row(tick))
         self._report_faults(tick.measurement)
         self._report_limits(tick.measurement)
+        self._report_source(tick)
 
     def _cause(self, error: BaseException) -> str:
         is_interruption = isinstance(error, KeyboardInterrupt | SystemExit)
@@ -89,6 +98,13 @@ class TickRecorder(Recorder):
             if limit not in self._reported_limits:
                 self._reported_limits.add(limit)
                 self.event(f"limited by {limit} for the first time")
+
+    def _report_source(self, tick: Tick) -> None:
+        """Write an event when the resistance replaces a displacement sensor, or gives way to it again."""
+        uses_resistance = bool(tick.command.uses_resistance)
+        if self._by_sensor and uses_resistance is not self._uses_resistance:
+            self.event(BY_RESISTANCE if uses_resistance else BY_SENSOR)
+        self._uses_resistance = uses_resistance
 
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:
@@ -114,13 +130,14 @@ def record_tracking(
     model: IdentifiedModel,
     balance: HeatBalance,
     inverse: DisplacementInverse,
+    resistance: WireResistance | None = None,
     **notes: str,
 ) -> TickRecorder:
     """Create the log of a tracking run, and return its recorder. `notes` are further metadata, for example a seed."""
     metadata = {
         "kind": "tracking",
         "reference": reference_text(reference),
-        "wire": IdentifiedWire(model, balance).text(),
+        "wire": IdentifiedWire(model, balance, resistance=resistance).text(),
         "inverse": "hysteresis" if isinstance(inverse, HysteresisInverse) else "plain map",
     }
     return _open(path, rig, {**metadata, **notes}, reference.duration_s)

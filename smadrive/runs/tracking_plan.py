@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
 
 from smadrive.control.feasibility import Feasibility, simulate_run
@@ -17,7 +17,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel, TSFuzzyPreisach
 from smadrive.hysteresis.turning_points import MOST_TURNS
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.cycles import Cycling
@@ -42,8 +42,9 @@ class PlannedTracking:
     """A tracking run that was simulated on the model of its wire.
 
     `given` is the reference with its approach. `nearest` is the reference that the run tracks; it equals `given` if the
-    wire can follow `given`. `caveats` are reasons to distrust the run, one sentence each. `expected` is the resistance
-    that the run is expected to find, from the health record beside `wire_file`.
+    wire can follow `given`. `caveats` are reasons to distrust the run, one sentence each. `displacement_from` is the
+    source of the displacement. `expected` is the resistance that the run is expected to find, from the health record
+    beside `wire_file`.
     """
 
     given: Reference
@@ -51,6 +52,7 @@ class PlannedTracking:
     wire: WireModel
     caveats: tuple[str, ...]
     cycling: Cycling | None = None
+    displacement_from: DisplacementFrom = DisplacementFrom.SENSOR
     wire_file: Path | None = None
     expected: ExpectedRest | None = None
 
@@ -111,16 +113,19 @@ def plan_tracking(
     smooth: bool,
     smooth_option: str,
     cycling: Cycling | None = None,
+    displacement_from: DisplacementFrom | None = None,
 ) -> PlannedTracking:
     """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
 
     With `cycling` the reference is repeated. If the wire cannot follow `given`: with `smooth` the run tracks the
     nearest reference; without `smooth`, ConfigError names `smooth_option`, the option of the user that sets `smooth`.
+    `displacement_from` replaces the source of the displacement in the rig file.
     """
-    wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance)
+    wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance, identified.resistance)
+    chosen = displacement_from or rig.config.displacement_from
     limit_c = rig.config.limits.temperature_max_c
     with _doubts_noted(identified):
-        start, given = _start(rig, given, wire)
+        start, given = _start(rig, given, wire, chosen)
         simulated = _simulated(rig, given, wire, start)
         simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option)
         nearest = simulated.nearest
@@ -128,9 +133,11 @@ def plan_tracking(
             given, nearest = (one.repeated(cycling.remaining, RETURN_S) for one in (given, nearest))
             _simulated(rig, nearest, wire, start).check(limit_c, smooth=smooth, smooth_option=smooth_option)
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
-    caveats = *simulated.caveats, *_caveats_of(identified), *_memory_caveats(identified, simulated), *not_adapted
+    sensing = rig.check_sensing(wire, chosen, start.temperature_c)
+    of_the_model = *_caveats_of(identified), *_memory_caveats(identified, simulated)
+    caveats = *simulated.caveats, *of_the_model, *not_adapted, *sensing
     from_record = wire_file_of(identified), expected_of(identified)
-    return PlannedTracking(given, nearest, wire, caveats, cycling, *from_record)
+    return PlannedTracking(given, nearest, wire, caveats, cycling, chosen, *from_record)
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
@@ -143,9 +150,13 @@ def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> floa
     return model.initial_state(measured.temperature_c).y
 
 
-def _start(rig: Rig, given: Reference, wire: WireModel) -> tuple[WireState, Reference]:
+def _start(
+    rig: Rig, given: Reference, wire: WireModel, displacement_from: DisplacementFrom
+) -> tuple[WireState, Reference]:
     """Return the present state of the wire, and `given` with the approach from there."""
     measured = rig.measure()
+    if displacement_from is not DisplacementFrom.SENSOR:
+        measured = measured._replace(displacement_mm=nan)
     check_thermocouple(measured)
     start_mm = start_displacement_mm(wire.model, measured)
     rig.check_balance(wire.balance)

@@ -13,7 +13,8 @@ from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output, unused_record
 from smadrive.files.kinds import LOG
-from smadrive.measurement import Measurement
+from smadrive.files.number_text import shortened
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.numerics.scalars import real_number, whole_number
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.runs.cycling.cycles import Cycling
@@ -55,6 +56,22 @@ def reference_of_argument(reference: ReferenceLike) -> Reference:
         return reference
     wanted = "a shape such as smadrive.sine(…), a text such as 'sine:low_mm=…', or the path of a CSV file"
     return read_reference(os.fspath(path_text(reference, "reference", wanted)))
+
+
+def source_of_argument(displacement_from: str | None) -> DisplacementFrom | None:
+    """Return the source of the displacement; None for the source in the rig file. ConfigError for another text."""
+    if displacement_from is None:
+        return None
+    try:
+        return DisplacementFrom(displacement_from)
+    except ValueError:
+        names = ", ".join(f'"{one}"' for one in DisplacementFrom)
+        raise ConfigError(
+            "not a source of the displacement",
+            where="displacement_from",
+            value=shortened(displacement_from),
+            cure=f"choose one of {names}",
+        ) from None
 
 
 def step_of_arguments(duration_s: float, current_a: float | None, temperature_c: float | None) -> ManualStep:

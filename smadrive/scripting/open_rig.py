@@ -21,6 +21,7 @@ from smadrive.scripting.arguments import (
     new_log,
     reference_of_argument,
     rig_of,
+    source_of_argument,
     step_of_arguments,
     wire_of_argument,
 )
@@ -80,8 +81,7 @@ class OpenRig(RigConnection):
 
         warm = rig.heat(30, temperature_c=60)
         """
-        step = step_of_arguments(duration_s, current_a, temperature_c)
-        path = new_log(log, "heat")
+        step, path = step_of_arguments(duration_s, current_a, temperature_c), new_log(log, "heat")
         return self._run(f"heating, {step}", HeatRequest(path.absolute(), step), path)
 
     def track(
@@ -92,6 +92,7 @@ class OpenRig(RigConnection):
         *,
         smooth: bool = False,
         repeat: int | None = None,
+        displacement_from: str | None = None,
     ) -> Run:
         """Track a displacement reference by the inverse of the identified wire.
 
@@ -99,12 +100,13 @@ class OpenRig(RigConnection):
 
         The run is simulated on the model before the wire is heated. ConfigError when the wire cannot follow the
         reference; with `smooth` the run tracks the nearest reference that the wire can follow. With `repeat`, the
-        reference is repeated, and `run.cycles` are the metrics of each cycle. TripError after a trip.
+        reference is repeated, and `run.cycles` are the metrics of each cycle. `displacement_from` is "sensor",
+        "resistance" or "none"; by default the rig file decides. TripError after a trip.
         """
-        path = new_log(log, "run")
-        identified, given = wire_of_argument(wire), reference_of_argument(reference)
+        path, identified, given = new_log(log, "run"), wire_of_argument(wire), reference_of_argument(reference)
         check_reach(given, identified)
-        request = TrackRequest(path.absolute(), given, identified, bool(smooth), cycling_of_argument(given, repeat))
+        cycling, chosen = cycling_of_argument(given, repeat), source_of_argument(displacement_from)
+        request = TrackRequest(path.absolute(), given, identified, bool(smooth), cycling, chosen)
         return self._run("tracking", request, path)
 
     def drive(

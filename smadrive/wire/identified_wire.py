@@ -1,6 +1,6 @@
-"""An identified wire: hysteresis model, heat balance, caveats, and its file.
+"""An identified wire: hysteresis model, heat balance, resistance, caveats, and its file.
 
-The file is a model file. Its provenance holds the heat balance, the caveats and the origin.
+The file is a model file. Its provenance holds the heat balance, the resistance, the caveats and the origin.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from smadrive.hysteresis.model import loop_plot
 from smadrive.hysteresis.model_file import model_text, parse_model, read_model
 from smadrive.wire.heat_balance import PARAMETERS, BalanceSource, HeatBalance
 from smadrive.wire.recorded_loops import Sections
+from smadrive.wire.resistance import NUMBERS, SPLINE, WireResistance
 from smadrive.wire.wire_model import WireModel, travel_mm
 
 _SECTION_KEYS = ("turning_points_c", "ends_c")
@@ -37,6 +38,7 @@ class IdentifiedWire:
     metrics        errors of the fit in % of the span (rms_percent, max_percent); empty if they are unknown
     source         path of the record from which it was identified, or of the file from which it was loaded
     sections_c     sections of the record, as (turning point, end) in °C; empty if they are unknown
+    resistance     resistance over temperature and phase; None if it was not identified
     """
 
     model: IdentifiedModel
@@ -45,6 +47,7 @@ class IdentifiedWire:
     metrics: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
     sections_c: Sections = ()
+    resistance: WireResistance | None = None
 
     def facts(self) -> list[tuple[str, str]]:
         """Return the main properties of the wire for display, as pairs of a name and a text with its unit."""
@@ -65,6 +68,7 @@ class IdentifiedWire:
             ("time constant", f"{self.heat_balance.time_constant_s:.2f} s"),
             ("latent heat", f"{self.heat_balance.latent_heat_j:.3g} J"),
             ("cold resistance", f"{self.heat_balance.resistance_cold_ohm:.3g} Ω"),
+            ("displacement by resistance", "not identified" if self.resistance is None else "identified"),
         ]
 
     def __repr__(self) -> str:
@@ -90,13 +94,17 @@ class IdentifiedWire:
         }
         if self.heat_balance is not None:
             provenance["heat_balance"] = asdict(self.heat_balance)
+        if self.resistance is not None:
+            provenance["resistance"] = asdict(self.resistance)
         if self.sections_c:
             provenance["sections"] = dict(zip(_SECTION_KEYS, zip(*self.sections_c, strict=True), strict=True))
         save_model(self.model, path, provenance=provenance)
 
     def text(self) -> str:
-        """Return model and heat balance as text, in the format of a wire's file. A log contains this text."""
-        return model_text(self.model, _balance_provenance(self.heat_balance), place="wire")
+        """Return model, heat balance and resistance as text, in the format of a wire's file, as a log contains it."""
+        parts = {"heat_balance": self.heat_balance, "resistance": self.resistance}
+        provenance = {name: asdict(part) for name, part in parts.items() if part is not None}
+        return model_text(self.model, provenance, place="wire")
 
     def wire_model(self) -> WireModel:
         """Return the model that steps temperature and displacement together. ModelError without a heat balance."""
@@ -106,7 +114,7 @@ class IdentifiedWire:
                 where=self.source or "wire",
                 cure="identify the wire from a log with current and voltage",
             )
-        return WireModel(self.model, self.heat_balance)
+        return WireModel(self.model, self.heat_balance, self.resistance)
 
 
 def load_wire(path: str | os.PathLike[str]) -> IdentifiedWire:
@@ -120,11 +128,8 @@ def parse_wire(text: str, place: str) -> IdentifiedWire:
     if provenance is None:
         return IdentifiedWire(model, source=place)
     balance, caveats, sections_c = _heat_balance(provenance, place), _caveats(provenance), _sections(provenance)
-    return IdentifiedWire(model, balance, caveats, source=place, sections_c=sections_c)
-
-
-def _balance_provenance(balance: HeatBalance | None) -> dict[str, Any]:
-    return {} if balance is None else {"heat_balance": asdict(balance)}
+    resistance = _resistance(provenance, place)
+    return IdentifiedWire(model, balance, caveats, source=place, sections_c=sections_c, resistance=resistance)
 
 
 def _provenance(text: str, place: str) -> Fields | None:
@@ -160,6 +165,20 @@ def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:
     except ModelError as error:
         if not error.where.startswith(place):
             error.where = f"{place}: {error.where}"
+        raise
+
+
+def _resistance(provenance: Fields, place: str) -> WireResistance | None:
+    """Return the resistance in the provenance; None in a file of an older version, and without resistance."""
+    if provenance.document.get("resistance") is None:
+        return None
+    parameters = provenance.inner("resistance")
+    values: dict[str, Any] = {name: parameters.number(name) for name in NUMBERS}
+    values |= {name: parameters.numbers(name) for name in SPLINE}
+    try:
+        return WireResistance(**values)
+    except ModelError as error:
+        error.where = f"{place}: {error.where}"
         raise
 
 

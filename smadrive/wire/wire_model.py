@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 from smadrive.hysteresis import HysteresisModel, HysteresisState, IdentifiedModel
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.resistance import WireResistance
 
 SHORT_WAY_C = 0.1
 """Change of temperature over which the slope of the hysteresis counts as constant, K."""
@@ -44,11 +45,15 @@ class WireModel:
 
     The phase of the heat balance is displacement / travel, as in the identification of the heat balance. It differs
     from the state w of the hysteresis model, because a model may use only a part of the range [0, 1] of w.
+
+    `resistance` is the identified resistance over temperature and phase. Without it, the resistance is that of the heat
+    balance, which depends on the phase alone.
     """
 
-    def __init__(self, model: IdentifiedModel, balance: HeatBalance) -> None:
+    def __init__(self, model: IdentifiedModel, balance: HeatBalance, resistance: WireResistance | None = None) -> None:
         self.model = model
         self.balance = balance
+        self.resistance = resistance
         self.cold_mm, hot_mm = travel_mm(model)
         self.travel_mm = hot_mm - self.cold_mm
 
@@ -103,6 +108,8 @@ class WireModel:
 
     def resistance_ohm(self, hysteresis: HysteresisState) -> float:
         """Return the resistance of the wire in Ω at a state of its hysteresis model."""
+        if self.resistance is not None:
+            return self.resistance.ohm(hysteresis.v, self.phase(hysteresis))
         return self.balance.resistance_ohm(self.phase(hysteresis))
 
     def phase(self, hysteresis: HysteresisState) -> float:

@@ -33,6 +33,8 @@ class Command(NamedTuple):
 
     `cooling` is the estimated heat loss, divided by the loss of the heat balance: more than 1 in a draft. `shift_c` is
     the estimated shift of the transformation by a changed load, K.
+    `by_resistance_mm` is the displacement by the resistance of the wire, `by_resistance_sd_mm` its standard deviation.
+    `uses_resistance` is 1 while the controller uses it, otherwise 0.
     """
 
     commanded_a: float
@@ -43,6 +45,9 @@ class Command(NamedTuple):
     power_w: float = nan
     cooling: float = nan
     shift_c: float = nan
+    by_resistance_mm: float = nan
+    by_resistance_sd_mm: float = nan
+    uses_resistance: float = 0.0
 
 
 class Controller(Protocol):

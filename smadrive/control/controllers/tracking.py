@@ -13,17 +13,19 @@ another reference, model or setting then continues without a jump of the command
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, sqrt
 from typing import NamedTuple
 
 from smadrive.control.controllers.feedback import INTEGRATED_C, PIGains, TemperatureFeedback
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.controllers.trim import DisplacementTrim
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
+from smadrive.control.estimation.resistance_sensor import ResistanceSensor, SeenDisplacement
+from smadrive.control.estimation.sensing import DisplacementSensing, Sensing
 from smadrive.control.feedforward.displacement import DisplacementFeedforward, DisplacementInverse, Feedforward
 from smadrive.control.feedforward.reversal_preview import Reversal, ReversalPreview
 from smadrive.control.references.reference import Reference
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.wire.wire_model import WireModel
 
 DISPLACEMENT_NOISE = 0.001
@@ -55,6 +57,7 @@ class TrackingSettings:
     integral_s          time constant in which the effect of a model error decays, s
     noise_c             standard deviation of the noise of the thermocouple, K
     feedforward_share   share of the feedforward's power that is used; less than 1 leaves more to the feedback
+    displacement_from   source of the displacement
     """
 
     period_s: float
@@ -63,6 +66,7 @@ class TrackingSettings:
     integral_s: float
     noise_c: float
     feedforward_share: float = 1.0
+    displacement_from: DisplacementFrom = DisplacementFrom.SENSOR
 
 
 class TrackingState(NamedTuple):
@@ -71,7 +75,7 @@ class TrackingState(NamedTuple):
     `estimate` is the estimated state of the wire, `power_w` the power in force, `trim_mm` the displacement trim.
     `direction` is +1 while the phase rises, -1 while the phase falls; the phase is the displacement as a share of the
     travel, 0 for the cold wire. `reversal` is the reversal that the wire is making now, or None while the wire follows
-    the reference.
+    the reference. `ahead` is the estimate advanced by one period, `sensing` the state of the displacement's source.
     """
 
     estimate: WireEstimate
@@ -79,6 +83,8 @@ class TrackingState(NamedTuple):
     trim_mm: float
     direction: int
     reversal: Reversal | None
+    ahead: WireEstimate
+    sensing: Sensing
 
 
 class _Period(NamedTuple):
@@ -115,6 +121,8 @@ class TrackingController:
         self._limit_a = settings.current_limit_a
         noise_mm = DISPLACEMENT_NOISE * abs(wire.travel_mm)
         self._observer = WireObserver(wire, settings.period_s, settings.noise_c, noise_mm)
+        resistance = None if wire.resistance is None else ResistanceSensor(wire, wire.resistance)
+        self._sensing = DisplacementSensing(settings.displacement_from, resistance, noise_mm, abs(wire.travel_mm))
         self._feedforward = DisplacementFeedforward(inverse, wire)
         self._preview = ReversalPreview(wire) if inverse.hysteretic else None
         balance, self._share = wire.balance, settings.feedforward_share
@@ -142,7 +150,8 @@ class TrackingController:
         if before.state is not None:
             reversal = before.state.reversal if before._reference is self._reference else None
             estimate = self._observer.adopt(before.state.estimate)
-            self._state = before.state._replace(estimate=estimate, reversal=reversal)
+            ahead = self._observer.adopt(before.state.ahead)
+            self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead)
             self._feedback.take_over(before._feedback, self._integral_w(before, estimate.temperature_c))
 
     def _integral_w(self, before: TrackingController, temperature_c: float) -> float:
@@ -158,24 +167,27 @@ class TrackingController:
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Return the command for the period of `dt_s` seconds that begins `dt_s` after the measurement."""
         before = self._state or self._started(measurement)
-        estimate = self._observed(measurement, dt_s)
+        sensing, seen = self._sensing.update(before.sensing, measurement, before.estimate, before.ahead, dt_s)
+        estimate = self._observed(measurement, seen.used, dt_s)
         period = self._coming_period(self._observer.predict(estimate, before.power_w, dt_s), time_s + dt_s, dt_s)
         direction, reversal = self._course(before, period)
         target = self._target(period, before.trim_mm, direction, reversal)
         error_c, feedforward_w = target.temperature_c - period.ahead.temperature_c, self._share * target.power_w
-        if is_seen := isfinite(measurement.displacement_mm):
+        if is_seen := isfinite(seen.used.mm):
             latent_c = self._latent_k_per_mm * (target.displacement_mm - period.ahead.hysteresis.y)
             power_w = self._feedback.update(error_c + latent_c, feedforward_w, period.limit_w, dt_s, self._faster)
         else:
             power_w = self._feedback.update(error_c, feedforward_w, period.limit_w, dt_s)
+        ohm = self._wire.resistance_ohm(period.ahead.hysteresis)
+        power_w = max(min(power_w, self._sensing.most_a(sensing) ** 2 * ohm), self._sensing.floor_a(sensing) ** 2 * ohm)
         trim_mm = 0.0
         if reversal is None and is_seen:
             is_free = 0.0 < power_w < period.limit_w
             error_mm = period.setpoint_mm - period.ahead.hysteresis.y
             trim_mm = self._trim.update(before.trim_mm, error_mm, error_c if is_free else inf, dt_s)
-        self._state = TrackingState(estimate, power_w, trim_mm, direction, reversal)
+        self._state = TrackingState(estimate, power_w, trim_mm, direction, reversal, period.ahead, sensing)
         return Command(
-            self._wire.balance.current_a(power_w, self._wire.phase(period.ahead.hysteresis)),
+            sqrt(power_w / ohm),
             target.temperature_c,
             self._reference.value_mm(time_s),
             estimate.temperature_c,
@@ -183,27 +195,30 @@ class TrackingController:
             power_w,
             self._observer.cooling(estimate),
             estimate.shift_c,
+            *seen.by_resistance,
+            uses_resistance=float(sensing.needs_resistance),
         )
 
     def _started(self, measurement: Measurement) -> TrackingState:
         """Return the state of a wire at rest."""
-        estimate = self._observer.start(measurement.temperature_c, measurement.displacement_mm)
-        return TrackingState(estimate, 0.0, 0.0, 1, None)
+        estimate = self._observer.start(measurement.temperature_c, self._sensing.start_mm(measurement))
+        return TrackingState(estimate, 0.0, 0.0, 1, None, estimate, self._sensing.start())
 
-    def _observed(self, measurement: Measurement, dt_s: float) -> WireEstimate:
+    def _observed(self, measurement: Measurement, seen: SeenDisplacement, dt_s: float) -> WireEstimate:
         """Return the present estimate.
 
         It uses the measured power, or the commanded power if the measured power is unknown.
         """
         if self._state is None:
-            return self._observer.start(measurement.temperature_c, measurement.displacement_mm)
+            return self._observer.start(measurement.temperature_c, self._sensing.start_mm(measurement))
         measured_w = measurement.current_a * measurement.voltage_v
         return self._observer.update(
             self._state.estimate,
             measurement.temperature_c,
-            measurement.displacement_mm,
+            seen.mm,
             measured_w if isfinite(measured_w) else self._state.power_w,
             dt_s,
+            seen.noise_mm,
         )
 
     def _coming_period(self, ahead: WireEstimate, time_s: float, dt_s: float) -> _Period:

@@ -21,7 +21,7 @@ the two.
 
 from __future__ import annotations
 
-from math import exp
+from math import exp, log
 from typing import NamedTuple
 
 import numpy as np
@@ -55,10 +55,16 @@ DISTURBED = ProcessNoise(0.1, 20.0, 3.0)
 PHASE_NOISE = 0.003
 """Error of the hysteresis model: standard deviation of the phase after one second."""
 
+SLOW_PHASE_NOISE = 0.001
+"""The same for a noisy displacement. It is smaller, because over seconds the errors of the model cancel in part."""
+
 SHIFT_S = 1000.0
 """The shift decays with this time constant, s. Without a decay the Riccati equation has no stationary solution."""
 
 MOST_NOISES = 10.0
+
+NOISE_STEP = 4.0
+"""Ratio of neighbouring noises for which the gain is solved."""
 
 SLOPES = 9
 """Number of slopes for which the gain is solved, from zero to the steepest of the model."""
@@ -83,6 +89,37 @@ class Correction(NamedTuple):
     phase: float
 
 
+class GainsByNoise:
+    """Gain schedules for several noises of the measured displacement, because that by the resistance varies.
+
+    `noise` is the smallest noise, in shares of the travel. There are `noises` schedules; each has `NOISE_STEP` times
+    the noise of the schedule before. Between two noises the corrections are interpolated over the logarithm of the
+    noise. A larger noise counts as the largest.
+    """
+
+    def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float, noises: int = 1) -> None:
+        self._noise, self._last = noise, noises - 1
+        self._schedules = [
+            GainSchedule(wire, period_s, noise_c, noise * NOISE_STEP**level, SLOW_PHASE_NOISE if level else PHASE_NOISE)
+            for level in range(noises)
+        ]
+
+    def by_reading(self, read_c: float, doubt: float) -> Correction:
+        """Return the correction when only the thermocouple is measured; see GainSchedule."""
+        return self._schedules[0].by_reading(read_c, doubt)
+
+    def by_both(self, slope: float, read_c: float, seen: float, doubt: float, noise: float) -> Correction:
+        """Return the correction for a displacement with the standard deviation `noise`; see GainSchedule."""
+        place = min(log(max(noise / self._noise, 1.0)) / log(NOISE_STEP), self._last)
+        level = int(place)
+        below = self._schedules[level].by_both(slope, read_c, seen, doubt)
+        if place == level:
+            return below
+        above = self._schedules[level + 1].by_both(slope, read_c, seen, doubt)
+        share = place - level
+        return Correction(*[low + share * (high - low) for low, high in zip(below, above, strict=True)])
+
+
 class GainSchedule:
     """The Kalman gains of the observer for one wire, tabulated over the slope of the hysteresis model.
 
@@ -91,16 +128,19 @@ class GainSchedule:
     the phase. `doubt` goes from 0, for the gains in calm air, to 1, for the gains in a disturbance. The larger gains
     apply to at most `MOST_NOISES` standard deviations of the noise, because a spike of a sensor is no disturbance. The
     standard deviations of the noise are `noise_c` of the thermocouple, K, and `noise` of the measured phase.
+    `phase_noise` is the error of the hysteresis model, the standard deviation of the phase after one second.
     """
 
-    def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float) -> None:
+    def __init__(
+        self, wire: WireModel, period_s: float, noise_c: float, noise: float, phase_noise: float = PHASE_NOISE
+    ) -> None:
         balance = wire.balance
         slopes = np.linspace(0.0, _steepest(wire), SLOPES).tolist()
         noises = np.diag([noise_c**2, noise**2])
         self._apart = slopes[1]
         self._most_c, self._most = MOST_NOISES * noise_c, MOST_NOISES * noise
         self._calm, self._disturbed = (
-            [_joint_gain(balance, slope, period_s, noises, process).tolist() for slope in slopes]
+            [_joint_gain(balance, slope, period_s, noises, process, phase_noise).tolist() for slope in slopes]
             for process in (CALM, DISTURBED)
         )
         self._calm_reading, self._disturbed_reading = (
@@ -151,7 +191,7 @@ def _reading_gain(balance: HeatBalance, period_s: float, noise_c: float, process
 
 
 def _joint_gain(
-    balance: HeatBalance, slope: float, period_s: float, noise: Array, process_noise: ProcessNoise
+    balance: HeatBalance, slope: float, period_s: float, noise: Array, process_noise: ProcessNoise, phase_noise: float
 ) -> Array:
     transition, process = np.eye(5), np.zeros((5, 5))
     transition[:3, :3], process[:3, :3] = _thermal(balance, period_s, slope, process_noise)
@@ -160,7 +200,7 @@ def _joint_gain(
     process[3, 3] = period_s * process_noise.shift_c**2
     process[0, 4] = process[4, 0] = slope * process[0, 0]
     process[3, 4] = process[4, 3] = -slope * process[3, 3]
-    process[4, 4] = slope**2 * (process[0, 0] + process[3, 3]) + period_s * PHASE_NOISE**2
+    process[4, 4] = slope**2 * (process[0, 0] + process[3, 3]) + period_s * phase_noise**2
     reads = np.zeros((2, 5))
     reads[0, 1] = reads[1, 4] = 1.0
     return _gain(transition, reads, process, noise)

@@ -25,7 +25,7 @@ from __future__ import annotations
 from math import isfinite, nan
 from typing import NamedTuple
 
-from smadrive.control.estimation.gain import GainSchedule
+from smadrive.control.estimation.gain import GainsByNoise
 from smadrive.control.estimation.innovation import Doubt, InnovationTest
 from smadrive.hysteresis import HysteresisState
 from smadrive.hysteresis.reversal import Play
@@ -48,6 +48,9 @@ MOST_DRAFT = 0.8
 
 The thermocouple alone cannot tell a draft from a bead that comes off. More power would overheat the wire then.
 """
+
+NOISES = 5
+"""Number of noises of the displacement by the resistance: up to 256 times the noise of a sensor."""
 
 LEAST_EXCESS_C = 5.0
 """Nearer to the ambient temperature than this, K, the power of a draft stays constant."""
@@ -85,7 +88,8 @@ class WireObserver:
         self._model = wire.model
         self._balance = wire.balance
         noise = noise_mm / abs(wire.travel_mm)
-        self._gains = GainSchedule(wire, period_s, noise_c, noise)
+        self._noise_mm = noise_mm
+        self._gains = GainsByNoise(wire, period_s, noise_c, noise, 1 if wire.resistance is None else NOISES)
         self._test = InnovationTest(period_s, noise_c, noise)
         self._seeing_c, self._blind_c = DEAD_BAND_NOISES * noise_c, BLIND_NOISES * noise_c
 
@@ -118,17 +122,23 @@ class WireObserver:
         return self._predicted(before, power_w, dt_s, before.radius_c)
 
     def update(
-        self, before: WireEstimate, reading_c: float, displacement_mm: float, power_w: float, dt_s: float
+        self,
+        before: WireEstimate,
+        reading_c: float,
+        displacement_mm: float,
+        power_w: float,
+        dt_s: float,
+        noise_mm: float | None = None,
     ) -> WireEstimate:
         """Return the estimate `dt_s` seconds after `before`, corrected by the measurements at this time.
 
         The wire was heated with `power_w` since `before`. `reading_c` is the reading of the thermocouple. NaN marks a
-        missing measurement.
+        missing measurement. `noise_mm` is the standard deviation of this displacement, by default that of the observer.
         """
         if isfinite(displacement_mm):
             expected = self._predicted(before, power_w, dt_s, self._seeing_c)
             read_c = reading_c - expected.thermocouple_c if isfinite(reading_c) else 0.0
-            return self._corrected_by_both(expected, read_c, displacement_mm)
+            return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm or self._noise_mm)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
         read_c = reading_c - thermocouple_c if isfinite(reading_c) else 0.0
         doubt = self._test.by_reading(before.doubt, read_c, wire_c - thermocouple_c)
@@ -168,7 +178,9 @@ class WireObserver:
         play = before.play.moved(wire_c, radius_c)
         return play, self._model.step(before.hysteresis, play.output(radius_c) - before.shift_c)
 
-    def _corrected_by_both(self, expected: WireEstimate, read_c: float, displacement_mm: float) -> WireEstimate:
+    def _corrected_by_both(
+        self, expected: WireEstimate, read_c: float, displacement_mm: float, noise_mm: float
+    ) -> WireEstimate:
         """Return the estimate corrected by thermocouple and displacement.
 
         `read_c` is measured - expected temperature of the thermocouple. The input of the hysteresis model moves with
@@ -177,9 +189,11 @@ class WireObserver:
         """
         seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
         gap_c = expected.temperature_c - expected.thermocouple_c
-        doubt = self._test.by_both(expected.doubt, read_c, gap_c, seen)
+        doubt = self._test.by_both(expected.doubt, read_c, gap_c, seen * min(self._noise_mm / noise_mm, 1.0))
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
-        wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(slope, read_c, seen, doubt.doubt)
+        wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(
+            slope, read_c, seen, doubt.doubt, noise_mm / abs(self._wire.travel_mm)
+        )
         y = expected.hysteresis.y + self._wire.travel_mm * phase
         return WireEstimate(
             expected.temperature_c + wire_c,

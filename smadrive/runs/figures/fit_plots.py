@@ -1,4 +1,4 @@
-"""The figures of a fitted hysteresis model: loop and residuals."""
+"""The figures of a fitted wire: loop, residuals and resistance."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import matplotlib as mpl
 import numpy as np
 
 from smadrive.hysteresis import HysteresisModel
+from smadrive.identification.resistance_fit.fit import ResistanceFit
 from smadrive.identification.wire import AnyFit
 from smadrive.runs.figures.log_plots import draw_branches
 from smadrive.runs.plots import COOLING, ESTIMATED, HEATING, RECORD, STYLE, PlotFigure, legend, line, panels
@@ -51,4 +52,22 @@ def residual_figure(fit: AnyFit, input_name: str) -> PlotFigure:
     along.set(xlabel="sample", ylabel="error / % of span")
     over.plot(fit.path, percent, ".", color=ESTIMATED, ms=3)
     over.set(xlabel=input_name)
+    return figure
+
+
+def resistance_figure(fit: ResistanceFit) -> PlotFigure:
+    """Return the figure of the measured and the fitted resistance over the phase, and of the residual."""
+    every = max(1, fit.ohm.size // DOTS)
+    phase, ohm = fit.phase[::every], fit.ohm[::every]
+    places = zip(fit.temperature_c[::every].tolist(), phase.tolist(), strict=True)
+    fitted = np.array([fit.resistance.ohm(*place) for place in places])
+    with mpl.rc_context(STYLE):
+        figure = PlotFigure(figsize=(9.0, 3.2), layout="constrained")
+        over, residual = figure.subplots(1, 2)
+    over.plot(phase, ohm, ".", color=RECORD, ms=4, label="record")
+    over.plot(phase, fitted, ".", color=ESTIMATED, ms=3, label="fit")
+    over.set(xlabel="displacement / stroke", ylabel="resistance / Ω")
+    legend(over)
+    residual.plot(fit.temperature_c[::every], 1e3 * (ohm - fitted), ".", color=ESTIMATED, ms=3)
+    residual.set(xlabel="wire temperature / °C", ylabel="residual / mΩ")
     return figure

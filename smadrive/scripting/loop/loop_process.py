@@ -100,9 +100,17 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
             return _counts(excite(log_file, rig, plan_excitation(rig), link.watch))
         case HeatRequest(log_file=log_file, step=step):
             return _counts(heat(log_file, rig, step, link.watch))
-        case TrackRequest(log_file=log_file, reference=reference, wire=wire, smooth=smooth, cycling=cycling):
+        case TrackRequest(log_file=log_file):
             with link.at_once():  # the simulation of a long reference takes minutes
-                plan = plan_tracking(rig, reference, wire, smooth=smooth, smooth_option="smooth=True", cycling=cycling)
+                plan = plan_tracking(
+                    rig,
+                    request.reference,
+                    request.wire,
+                    smooth=request.smooth,
+                    smooth_option="smooth=True",
+                    cycling=request.cycling,
+                    displacement_from=request.displacement_from,
+                )
             return _counts(track(log_file, rig, plan, link.watch))
         case DriveRequest():
             return _driven(request, rig, link)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig
 from smadrive.runs.cycling.cycles import Cycling
 from smadrive.runs.log.reader import RunEvent
@@ -65,6 +66,7 @@ class TrackRequest:
     wire: IdentifiedWire
     smooth: bool
     cycling: Cycling | None = None
+    displacement_from: DisplacementFrom | None = None
 
 
 @dataclass(frozen=True)

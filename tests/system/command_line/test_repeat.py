@@ -13,7 +13,7 @@ import numpy as np
 import programs
 import pytest
 
-from smadrive.cli.views.log_report import write_log_report
+from smadrive.cli.views.reports.log_report import write_log_report
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError, DataError

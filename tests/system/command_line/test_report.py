@@ -13,8 +13,8 @@ import pytest
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
-from smadrive.cli.views.demo_report import _error_plot
-from smadrive.cli.views.log_report import write_log_report
+from smadrive.cli.views.reports.demo_report import _error_plot
+from smadrive.cli.views.reports.log_report import write_log_report
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.loop import LoopMetrics

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from benchmarks.oldlog import to_layout_1, without_checksums
 
-from smadrive.cli.views.log_report import write_log_report
+from smadrive.cli.views.reports.log_report import write_log_report
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
 from smadrive.errors import DataError

@@ -9,6 +9,7 @@ from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire, parse_wire
+from smadrive.wire.resistance import WireResistance
 
 MODEL = DuhemModel.gaussian(
     mu_heating=90, mu_cooling=70, sigma_heating=5, sigma_cooling=5, scale=10, input_range=(0, 200)
@@ -137,3 +138,35 @@ def test_provenance_of_another_shape_is_rejected(path, provenance):
     with pytest.raises(ModelError) as error:
         load_wire(path)
     assert error.value.where.startswith(f"{path}: provenance")
+
+
+def test_resistance_is_kept_in_file_and_log(tmp_path):
+    resistance = WireResistance(70.0, 16.5, 0.01, 0.04, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), (15.0, 15.4, 15.8))
+    wire = replace(WIRE, resistance=resistance)
+    wire.save(tmp_path / "wire.json")
+    assert load_wire(tmp_path / "wire.json").resistance == resistance
+    assert parse_wire(wire.text(), "log").resistance == resistance
+    assert wire.wire_model().resistance == resistance
+
+
+def test_file_of_version_2_has_no_resistance(tmp_path):
+    path = tmp_path / "wire.json"
+    WIRE.save(path)
+    document = json.loads(path.read_text())
+    document["schema"] = 2
+    path.write_text(json.dumps(document))
+    assert load_wire(path).resistance is None
+
+
+@pytest.mark.parametrize(("key", "value"), [("strain", 3.0), ("nodes_c", [1.0]), ("noise_v", None)])
+def test_wrong_resistance_in_a_file_is_named(tmp_path, key, value):
+    path = tmp_path / "wire.json"
+    resistance = WireResistance(70.0, 16.5, 0.01, 0.04, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), (15.0, 15.4, 15.8))
+    replace(WIRE, resistance=resistance).save(path)
+    document = json.loads(path.read_text())
+    document["provenance"]["resistance"][key] = value
+    path.write_text(json.dumps(document))
+    with pytest.raises(ModelError) as raised:
+        load_wire(path)
+    assert str(path) in raised.value.where
+    assert key in raised.value.where

@@ -44,6 +44,18 @@ def test_temperatures_lag_and_noise_are_within_their_bounds(wires):
         assert config.thermocouple.noise_c == 0.1
 
 
+def test_resistance_varies_in_every_respect(wires):
+    assert all(0.7 <= config.wire.resistance_change / NOMINAL.wire.resistance_change <= 1.3 for config in wires)
+    assert all(0.005 <= config.sense.lead_ohm / config.wire.resistance_cold_ohm <= 0.03 for config in wires)
+    with_r_phase = sum(config.resistance.r_phase is not None for config in wires)
+    assert 3 < with_r_phase < 20
+
+
+def test_other_values_of_a_seed_do_not_depend_on_the_resistance(wires):
+    assert wires[3].wire.heat_capacity_j_per_k == pytest.approx(0.0258957, rel=1e-5)
+    assert wires[3].transformation.mu_heating_c == pytest.approx(93.2747, rel=1e-5)
+
+
 def test_kinds_are_mixed_unless_one_is_given(wires):
     counts = Counter(config.transformation.kind for config in wires)
     assert set(counts) == set(KINDS)

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from smadrive.cli.views.log_report import write_log_report
+from smadrive.cli.views.reports.log_report import write_log_report
 from smadrive.errors import DataError
 from smadrive.hysteresis.model_file import parse_model
 from smadrive.runs.log.reader import read_log

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
+from smadrive.cli.views.resistance_view import resistance_sentences
 from smadrive.display.card import count_text
 from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import DuhemFit
 from smadrive.identification.wire import AnyFit
-from smadrive.runs.figures.fit_plots import loop_figure, residual_figure
+from smadrive.runs.figures.fit_plots import loop_figure, residual_figure, resistance_figure
+from smadrive.runs.record_fit import RecordFit
 from smadrive.runs.report import Banner, Grid, Listing, PagePart, Plot, Tiles, write_report
 
 
-def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: str, axes: tuple[str, str]) -> None:
-    """Write the page. `axes` names input and output with their units.
-
-    `caveats` are the caveats of the fit and of the record.
-    """
+def write_fit_report(path: Path, record: RecordFit, source: str) -> None:
+    """Write the page of the fits to a record. `source` is the path of the record."""
+    fit, axes = record.fit, record.axes
     parts: list[PagePart] = [
         _verdict(fit),
-        *(Banner("warning", f"Warning: {caveat}.") for caveat in caveats),
+        *(Banner("warning", f"Warning: {caveat}.") for caveat in record.caveats),
         _metrics(fit),
         Plot("The loop", loop_figure(fit, axes), "Grey: the record. Colours: the model on the same input."),
         Plot(
@@ -28,6 +27,7 @@ def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: st
             residual_figure(fit, axes[0]),
             "Model minus record, along the record and over the input. A pattern here is an error of the model.",
         ),
+        *_resistance(record),
         *_parameters(fit),
     ]
     samples = count_text(len(fit.residual), "sample")
@@ -51,6 +51,14 @@ def _metrics(fit: AnyFit) -> Tiles:
             (f"{100 * certificate.invertible_share:.1f} %", "of the loop has one input for each output; best is 100 %"),
         ]
     )
+
+
+def _resistance(record: RecordFit) -> list[PagePart]:
+    """Return the plot of the resistance, or the reason why it cannot measure the displacement."""
+    if record.resistance is None:
+        return [Listing("The resistance", f"cannot measure the displacement: {record.without_resistance}")]
+    caption = " ".join(f"{sentence.capitalize()}." for sentence in resistance_sentences(record))
+    return [Plot("The resistance", resistance_figure(record.resistance), caption)]
 
 
 def _parameters(fit: AnyFit) -> list[PagePart]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from smadrive.cli.views.log_report import clock_text, state_of
+from smadrive.cli.views.reports.log_report import clock_text, state_of
 from smadrive.runs.comparison.comparison import RunComparison
 from smadrive.runs.figures.comparison_plots import comparison_plots
 from smadrive.runs.report import Banner, Grid, Notes, PagePart, write_report

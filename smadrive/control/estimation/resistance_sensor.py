@@ -1,0 +1,139 @@
+"""The resistance of the wire as a displacement sensor.
+
+The measured U/I, without the change of the leads (lead.py), gives the phase at the estimated temperature
+(wire/resistance.py), and so the displacement. Its standard deviation σ_d contains the noise of voltage and current, and
+the errors that do not average out: those of the leads, of the fit and of the temperature.
+
+    σ_d² = travel² [ (σ_U/I)² + N (σ_δ² + σ_fit² + (dR/dT σ_T)²) ] / (dR/dξ)²
+
+The observer averages about N = `AVERAGED` samples. A constant error counts N times, because the observer must not take
+N samples with the same error for a better one.
+
+U/I is old by the delay of the identified resistance. So the rate of the predicted resistance is added for this time.
+
+While the wire cools, a sense current keeps the resistance observable (wire/observability.py).
+"""
+
+from __future__ import annotations
+
+from math import isfinite, nan, sqrt
+from typing import NamedTuple
+
+from smadrive.control.estimation.lead import TEMPERATURE_C, LeadChange
+from smadrive.control.estimation.observer import WireEstimate
+from smadrive.measurement import Measurement
+from smadrive.wire.observability import COLD_PHASE, cold_c, sense_current
+from smadrive.wire.resistance import WireResistance
+from smadrive.wire.wire_model import WireModel
+
+AVERAGED = 10.0
+"""Number of samples over which the observer averages about."""
+
+SLOW_C_PER_S, FAST_C_PER_S = 12.0, 25.0
+"""Rate of the cold wire while its leads are measured, K/s, and the rate from which its temperature is not certain."""
+
+MOST_NOISE = 0.3
+"""A displacement with a larger standard deviation, in strokes, is not used."""
+
+
+class SeenDisplacement(NamedTuple):
+    """A displacement and its standard deviation, mm. Both are NaN without a measurement."""
+
+    mm: float
+    noise_mm: float
+
+
+UNSEEN = SeenDisplacement(nan, nan)
+
+
+class ResistanceSensor:
+    """Measures the displacement of `wire` by its `resistance`.
+
+    `cold_c` is the temperature below which the wire is martensite after any history. `floor_a` is the sense current,
+    `cold_a` the largest current while the leads of the cold wire are measured.
+    """
+
+    def __init__(self, wire: WireModel, resistance: WireResistance) -> None:
+        self._wire, self._resistance = wire, resistance
+        self._ohm_per_k = _ohm_per_k(wire, resistance)
+        self.cold_c = cold_c(wire, resistance)
+        self.floor_a = sense_current(wire, resistance).current_a
+        slow_w = SLOW_C_PER_S * wire.balance.heat_capacity_j_per_k
+        self.cold_a = max(sqrt(slow_w / resistance.martensite_ohm), self.floor_a)
+
+    def unknown_lead(self) -> LeadChange:
+        """Return the estimate of the leads before the first sample."""
+        return LeadChange.unknown(self._resistance.martensite_ohm)
+
+    def lead(
+        self,
+        lead: LeadChange,
+        measurement: Measurement,
+        before: WireEstimate,
+        ahead: WireEstimate,
+        sensor: SeenDisplacement,
+        dt_s: float,
+    ) -> LeadChange:
+        """Return the estimate of the leads after a measurement.
+
+        `before` is the last estimate, and `ahead` the prediction for now. `sensor` is the displacement by a
+        sensor; without one, the leads are measured only while the wire is cold.
+        """
+        resistance = self._resistance
+        later = lead.later(resistance.martensite_ohm, dt_s)
+        if isfinite(sensor.mm):
+            phase = (sensor.mm - self._wire.cold_mm) / self._wire.travel_mm
+            noise = sensor.noise_mm / self._wire.travel_mm
+        elif self.is_cold(before):
+            phase, noise = 0.0, COLD_PHASE
+        else:
+            return later
+        slope = resistance.ohm_per_phase(ahead.temperature_c, phase)
+        ohm = self._ohm(measurement, before, ahead, slope, dt_s)
+        if not isfinite(ohm) or abs(ahead.temperature_c - before.temperature_c) > FAST_C_PER_S * dt_s:
+            return later
+        variance = (resistance.noise_v / measurement.current_a) ** 2 + (slope * noise) ** 2
+        least = (self._ohm_per_k * TEMPERATURE_C) ** 2 + resistance.error_ohm**2
+        return later.measured(ohm - resistance.ohm(ahead.temperature_c, phase), variance, least)
+
+    def displacement(
+        self, lead: LeadChange, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
+    ) -> SeenDisplacement:
+        """Return the displacement by the resistance, for the arguments of `lead`.
+
+        It is unseen without current, with too much noise, and while the wire is cold: its phase is known then.
+        """
+        resistance, temperature_c, wire = self._resistance, ahead.temperature_c, self._wire
+        start = wire.phase(ahead.hysteresis)
+        slope = resistance.ohm_per_phase(temperature_c, start)
+        ohm = self._ohm(measurement, before, ahead, slope, dt_s)
+        if not isfinite(ohm) or slope == 0.0 or self.is_cold(before):
+            return UNSEEN
+        lead_ohm, lead_variance = lead.estimate()
+        phase = resistance.phase(ohm - lead_ohm, temperature_c, start)
+        constant = lead_variance + resistance.error_ohm**2 + (self._ohm_per_k * TEMPERATURE_C) ** 2
+        noise = sqrt((resistance.noise_v / measurement.current_a) ** 2 + AVERAGED * constant) / abs(slope)
+        if not noise < MOST_NOISE or not isfinite(phase):
+            return UNSEEN
+        return SeenDisplacement(wire.cold_mm + wire.travel_mm * phase, noise * abs(wire.travel_mm))
+
+    def is_cold(self, before: WireEstimate) -> bool:
+        """Return True if the wire is martensite after any history."""
+        return max(before.temperature_c, before.thermocouple_c) < self.cold_c
+
+    def _ohm(
+        self, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, slope: float, dt_s: float
+    ) -> float:
+        """Return the present resistance by voltage and current, Ω; NaN without current. `slope` is dR/dξ."""
+        if not measurement.current_a > 0.0 or not measurement.voltage_v > 0.0:
+            return nan
+        moved = (ahead.hysteresis.y - before.hysteresis.y) / self._wire.travel_mm
+        change_ohm = slope * moved + self._ohm_per_k * (ahead.temperature_c - before.temperature_c)
+        return measurement.voltage_v / measurement.current_a + change_ohm * self._resistance.delay_s / dt_s
+
+
+def _ohm_per_k(wire: WireModel, resistance: WireResistance) -> float:
+    """Return the mean slope of the resistance over the temperature at a constant phase, Ω/K."""
+    low_c, high_c = wire.model.input_range
+    rises = [resistance.ohm(high_c, phase) - resistance.ohm(low_c, phase) for phase in (0.0, 0.5, 1.0)]
+    return sum(rises) / len(rises) / (high_c - low_c)

@@ -1,0 +1,186 @@
+"""The displacement that the observer gets: that of a sensor, or that by the resistance of the wire.
+
+A sensor can fail: it shows nothing, or something that the wire cannot do. The resistance then replaces it. While the
+sensor is valid, it calibrates the leads (lead.py), so the change of the source makes no jump.
+
+A sensor is implausible if it moves differently from the model while the resistance does not. The difference d of a
+source from the model is summed over the ticks, and forgotten with the time constant `FORGET_S`, so that a slow error of
+the model does not count:
+
+    d <- d exp(-Δt/FORGET_S) + (change of the source) - (change that the model predicts)
+
+The sensor has failed when its difference from the resistance, a mean with the weight `WEIGHT` of the latest sample, and
+|d| of the sensor exceed `MOST_SHARE` strokes and `MOST_NOISES` standard deviations of the resistance, while |d| of the
+resistance is less than half, in `FAILS_TICKS` ticks in a row. If the sensor agrees with the model and the resistance
+does not, a contact has changed, and the sensor stays.
+
+    sensor --no reading--> resistance --valid for RETURNS_TICKS ticks, and agrees--> sensor
+    sensor --implausible--> failed: the resistance, until the end of the run
+"""
+
+from __future__ import annotations
+
+from math import exp, inf, isfinite, nan
+from typing import NamedTuple
+
+from smadrive.control.estimation.lead import LeadChange
+from smadrive.control.estimation.observer import WireEstimate
+from smadrive.control.estimation.resistance_sensor import UNSEEN, ResistanceSensor, SeenDisplacement
+from smadrive.measurement import DisplacementFrom, Measurement
+
+FORGET_S = 3.0
+MOST_SHARE, MOST_NOISES = 0.03, 2.5
+WEIGHT = 0.2
+FAILS_TICKS, RETURNS_TICKS = 5, 20
+COLD_S = 2.5
+"""Longest time for which the leads of the cold wire are measured at the beginning of a run, s."""
+
+
+class Sensing(NamedTuple):
+    """The state of the sensing.
+
+    `cold_s` is the time for which the leads of the cold wire were measured, s; inf when the wire is not cold.
+
+    `lead` is the change of the leads. `apart_mm` and `resistance_apart_mm` are the differences d of the sensor and of
+    the resistance, `disagreement_mm` is the weighted mean of sensor - resistance. `before_mm` and
+    `resistance_before_mm` are the last displacements (NaN: none). `suspect_ticks` counts the latest ticks with an
+    implausible sensor, `valid_ticks` those with a reading. `has_sensor` is True after the first reading of the sensor,
+    `is_doubted` while it is not used after that, `failed` after it was implausible for too long. `source` is the
+    present source.
+    """
+
+    lead: LeadChange
+    apart_mm: float = 0.0
+    resistance_apart_mm: float = 0.0
+    disagreement_mm: float = 0.0
+    before_mm: float = nan
+    resistance_before_mm: float = nan
+    suspect_ticks: int = 0
+    valid_ticks: int = 0
+    has_sensor: bool = False
+    is_doubted: bool = False
+    failed: bool = False
+    source: DisplacementFrom = DisplacementFrom.NONE
+    cold_s: float = 0.0
+
+    @property
+    def needs_resistance(self) -> bool:
+        """True while the resistance is the source, also in a tick whose current is too small for it."""
+        return self.is_doubted or self.source is DisplacementFrom.RESISTANCE
+
+
+class Seen(NamedTuple):
+    """The displacement for the observer, and that by the resistance."""
+
+    used: SeenDisplacement
+    by_resistance: SeenDisplacement
+
+
+class DisplacementSensing:
+    """Chooses the displacement of each tick.
+
+    `chosen` is the source that the user has chosen. `resistance` is None for a wire whose resistance is not identified.
+    `noise_mm` is the standard deviation of the sensor's noise, `stroke_mm` the stroke.
+    """
+
+    def __init__(
+        self, chosen: DisplacementFrom, resistance: ResistanceSensor | None, noise_mm: float, stroke_mm: float
+    ) -> None:
+        self._chosen, self._resistance = chosen, resistance
+        self._noise_mm, self._most_mm = noise_mm, MOST_SHARE * stroke_mm
+
+    def start(self) -> Sensing:
+        """Return the state before the first measurement."""
+        lead = LeadChange.unknown(1.0) if self._resistance is None else self._resistance.unknown_lead()
+        return Sensing(lead)
+
+    def start_mm(self, measurement: Measurement) -> float:
+        """Return the displacement of the sensor if it is the source, otherwise NaN."""
+        return self._sensor(measurement).mm
+
+    def floor_a(self, state: Sensing) -> float:
+        """Return the least current in A that keeps the resistance observable; 0 while nothing needs the resistance."""
+        if self._resistance is None or not state.needs_resistance:
+            return 0.0
+        return self._resistance.floor_a
+
+    def most_a(self, state: Sensing) -> float:
+        """Return the largest current in A: the leads are measured at the beginning, while the wire is cold."""
+        if self._resistance is None or self._chosen is not DisplacementFrom.RESISTANCE or state.cold_s > COLD_S:
+            return inf
+        return self._resistance.cold_a
+
+    def update(
+        self, state: Sensing, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
+    ) -> tuple[Sensing, Seen]:
+        """Return the next state and the displacement of this tick.
+
+        `before` is the last estimate, and `ahead` the prediction for now.
+        """
+        sensor = self._sensor(measurement)
+        if self._resistance is None:
+            source = DisplacementFrom.SENSOR if isfinite(sensor.mm) else DisplacementFrom.NONE
+            return state._replace(source=source), Seen(sensor, UNSEEN)
+        by_resistance = self._resistance.displacement(state.lead, measurement, before, ahead, dt_s)
+        predicted_mm = ahead.hysteresis.y - before.hysteresis.y
+        state = self._compared(state, sensor, by_resistance, predicted_mm, dt_s)
+        source = self._source(state, sensor, by_resistance)
+        is_trusted = source is DisplacementFrom.SENSOR and state.valid_ticks > RETURNS_TICKS
+        trusted = sensor if is_trusted else UNSEEN
+        lead = self._resistance.lead(state.lead, measurement, before, ahead, trusted, dt_s)
+        used = {DisplacementFrom.SENSOR: sensor, DisplacementFrom.RESISTANCE: by_resistance}.get(source, UNSEEN)
+        is_doubted = state.has_sensor and source is not DisplacementFrom.SENSOR
+        cold_s = state.cold_s + dt_s if self._resistance.is_cold(before) else inf
+        state = state._replace(lead=lead, source=source, is_doubted=is_doubted, cold_s=cold_s)
+        return state, Seen(used, by_resistance)
+
+    def _sensor(self, measurement: Measurement) -> SeenDisplacement:
+        if self._chosen is not DisplacementFrom.SENSOR or not isfinite(measurement.displacement_mm):
+            return UNSEEN
+        return SeenDisplacement(measurement.displacement_mm, self._noise_mm)
+
+    def _compared(
+        self, state: Sensing, sensor: SeenDisplacement, resistance: SeenDisplacement, predicted_mm: float, dt_s: float
+    ) -> Sensing:
+        """Return the state with the differences of both sources from the model."""
+        keep = exp(-dt_s / FORGET_S)
+        apart_mm = _apart(keep * state.apart_mm, state.before_mm, sensor.mm, predicted_mm)
+        if state.has_sensor and not state.valid_ticks and not state.suspect_ticks and isfinite(resistance.mm):
+            apart_mm = sensor.mm - resistance.mm  # the first reading after a gap
+        other_mm = _apart(keep * state.resistance_apart_mm, state.resistance_before_mm, resistance.mm, predicted_mm)
+        limit_mm = max(self._most_mm, MOST_NOISES * resistance.noise_mm)  # NaN noise: max returns the first
+        latest_mm = sensor.mm - resistance.mm
+        disagreement_mm = state.disagreement_mm + WEIGHT * (latest_mm - state.disagreement_mm)
+        is_suspect = (
+            abs(disagreement_mm) > limit_mm and abs(apart_mm) > limit_mm and abs(other_mm) < 0.5 * abs(apart_mm)
+        )
+        suspect_ticks = state.suspect_ticks + 1 if is_suspect else 0
+        return state._replace(
+            apart_mm=apart_mm,
+            resistance_apart_mm=other_mm,
+            disagreement_mm=disagreement_mm if isfinite(disagreement_mm) else state.disagreement_mm,
+            before_mm=sensor.mm,
+            resistance_before_mm=resistance.mm,
+            suspect_ticks=suspect_ticks,
+            valid_ticks=state.valid_ticks + 1 if isfinite(sensor.mm) and not is_suspect else 0,
+            has_sensor=state.has_sensor or isfinite(sensor.mm),
+            failed=state.failed or suspect_ticks >= FAILS_TICKS,
+        )
+
+    def _source(self, state: Sensing, sensor: SeenDisplacement, resistance: SeenDisplacement) -> DisplacementFrom:
+        """Return the source of this tick."""
+        by_resistance = DisplacementFrom.RESISTANCE if isfinite(resistance.mm) else DisplacementFrom.NONE
+        if self._chosen is DisplacementFrom.RESISTANCE:
+            return by_resistance
+        if not state.has_sensor:
+            return DisplacementFrom.NONE
+        if state.failed or state.suspect_ticks or not isfinite(sensor.mm):
+            return by_resistance
+        agrees = state.valid_ticks > RETURNS_TICKS and abs(state.disagreement_mm) < self._most_mm
+        return by_resistance if state.is_doubted and not agrees else DisplacementFrom.SENSOR
+
+
+def _apart(apart_mm: float, before_mm: float, now_mm: float, predicted_mm: float) -> float:
+    """Return the difference of a source from the model after one tick; 0 without two displacements in a row."""
+    change_mm = now_mm - before_mm - predicted_mm
+    return apart_mm + change_mm if isfinite(change_mm) else 0.0

@@ -1,0 +1,130 @@
+"""The linear problem of the resistance fit (resistance.py), and its solution with penalty and contraction.
+
+For a given contraction e the resistance is linear in the parameters of f and g:
+
+    minimise Σ I² (U/I - R)² + penalty · Σ (bends of g)² + (e - e_usual)² / σ_e² · σ_U²
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from smadrive.wire.resistance import LEAST_NODES, spline_design
+
+Array = NDArray[np.float64]
+
+NODE_C = 4.0
+"""Distance of the nodes of g, K. An R-phase changes the resistance within about 10 K."""
+
+BENDS = (3e-4, 1e-2)
+"""Expected second differences of g at its nodes, as shares of the resistance. An R-phase of 5 % needs 0.01."""
+
+STRAIN, STRAIN_SPREAD, MOST_STRAIN = 0.04, 0.01, 0.1
+"""Contraction of usual actuator wire over its stroke, its standard deviation, and the largest possible contraction."""
+
+
+class ResistanceSamples(NamedTuple):
+    """The samples of the fit, each (samples,). `rate` is dR/dt, Ω/s, or 0 before the first fit."""
+
+    time_s: Array
+    temperature_c: Array
+    phase: Array
+    ohm: Array
+    current_a: Array
+    rate: Array
+
+
+class ResistanceDesign(NamedTuple):
+    """The linear problem for any contraction: samples, nodes of g, their matrix (samples, nodes), and the penalty.
+
+    `warmer_k` is the temperature above the reference temperature. `penalty` is (parameters, parameters), for bends of
+    1 Ω and a noise of 1 V.
+    """
+
+    samples: ResistanceSamples
+    nodes: Array
+    spline: Array
+    warmer_k: Array
+    penalty: Array
+
+
+class LinearFit(NamedTuple):
+    """The solution of the linear problem for one contraction and one penalty.
+
+    `residual_v` is weighted with the current. `inverse` is the inverse of the normal matrix. `matrix` maps the
+    parameters to the resistances. `freedom` is the number of parameters that the penalty leaves free. `cost_v2` is the
+    sum of squares, with that of the tied contraction.
+    """
+
+    parameters: Array
+    residual_v: Array
+    inverse: Array
+    matrix: Array
+    freedom: float
+    cost_v2: float
+
+    @property
+    def cross_validation(self) -> float:
+        """The criterion of the generalised cross-validation; smaller is better."""
+        return float(np.sum(self.residual_v**2)) / (self.residual_v.size - self.freedom) ** 2
+
+
+def resistance_design(samples: ResistanceSamples, reference_c: float) -> ResistanceDesign:
+    """Return the linear problem of the samples."""
+    low, high = float(samples.temperature_c.min()), float(samples.temperature_c.max())
+    nodes = np.linspace(low, high, max(LEAST_NODES, round((high - low) / NODE_C) + 1))
+    bends = np.zeros((nodes.size - 2, 3 + nodes.size))
+    bends[:, 3:] = np.diff(np.eye(nodes.size), 2, axis=0)
+    spline = spline_design(samples.temperature_c, nodes)
+    return ResistanceDesign(samples, nodes, spline, samples.temperature_c - reference_c, bends.T @ bends)
+
+
+def fitted(design: ResistanceDesign) -> tuple[float, LinearFit]:
+    """Return contraction and solution, with the penalty of the smallest cross-validation."""
+    samples = design.samples
+    noise_v = _coarse_noise_v(samples.ohm * samples.current_a)
+    penalties = [(noise_v / (bend * float(np.median(samples.ohm)))) ** 2 for bend in BENDS]
+    fits = []
+    for penalty in penalties:
+        strain = _strain(design, penalty, noise_v)
+        fits.append((strain, _solved(design, strain, penalty, noise_v)))
+    return min(fits, key=lambda fit: fit[1].cross_validation)
+
+
+def _strain(design: ResistanceDesign, penalty: float, noise_v: float) -> float:
+    """Return the contraction e with the smallest cost."""
+
+    def cost_v2(strain: float) -> float:
+        return _solved(design, strain, penalty, noise_v).cost_v2
+
+    return float(minimize_scalar(cost_v2, bounds=(0.0, MOST_STRAIN), method="bounded", options={"xatol": 1e-3}).x)
+
+
+def _solved(design: ResistanceDesign, strain: float, penalty: float, noise_v: float) -> LinearFit:
+    """Solve the linear problem for one contraction. The residual is weighted with the current, so it is a voltage."""
+    samples = design.samples
+    geometry = (1.0 - strain * samples.phase) ** 2
+    martensite, austenite = geometry * (1.0 - samples.phase), geometry * samples.phase
+    columns = martensite, martensite * design.warmer_k, -samples.rate, austenite[:, None] * design.spline
+    matrix = np.asarray(np.column_stack(columns), dtype=np.float64)
+    weighted: Array = matrix * samples.current_a[:, None]
+    target = samples.ohm * samples.current_a
+    data = weighted.T @ weighted
+    inverse: Array = np.asarray(np.linalg.pinv(data + penalty * design.penalty, hermitian=True), dtype=np.float64)
+    parameters = inverse @ (weighted.T @ target)
+    residual_v = target - weighted @ parameters
+    bent_v2 = penalty * float(parameters @ design.penalty @ parameters)
+    tied_v2 = (noise_v * (strain - STRAIN) / STRAIN_SPREAD) ** 2
+    freedom = float(np.trace(inverse @ data))
+    return LinearFit(
+        parameters, residual_v, inverse, matrix, freedom, float(residual_v @ residual_v) + bent_v2 + tied_v2
+    )
+
+
+def _coarse_noise_v(voltage_v: Array) -> float:
+    """Return the noise of the voltage, from its second differences. It sets the strength of the penalties."""
+    return float(np.median(np.abs(np.diff(voltage_v, 2))) / 0.6745 / np.sqrt(6.0)) + 1e-6

@@ -1,0 +1,173 @@
+"""The resistance of a wire as a function of temperature and phase, fitted to a recorded excitation.
+
+    U/I = (1 - e ξ)² [(1 - ξ) f(T) + ξ g(T)] - τ dR/dt + noise / I
+
+The equation is linear in the parameters of f and g for a given contraction e (see wire/resistance.py). So the fit is a
+weighted linear least-squares problem inside a search for e (variable projection; Golub and Pereyra, SIAM J. Numer.
+Anal. 10, 1973). The noise of U/I falls with the current, so the weight of a sample is its current. The nodes of g are
+as close as an R-phase needs. Penalties on the bends of g draw g to a straight line.
+
+The contraction has a small effect, so the fit ties it to that of usual actuator wire. The strength of the straight line
+is chosen by generalised cross-validation (Golub, Heath and Wahba, Technometrics 21, 1979): a wire without an R-phase
+gets an almost straight g, which has a smaller standard error.
+
+U/I may be older than the readings of the sensors by a delay τ. The first fit gives dR/dt, and the second one has the
+further parameter τ, with the column -dR/dt.
+
+The fit uses the temperature of the wire, not the reading of the thermocouple, and the measured displacement.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.errors import IdentificationError
+from smadrive.identification.excitation import ExcitationRecord
+from smadrive.identification.resistance_fit.design import (
+    LinearFit,
+    ResistanceDesign,
+    ResistanceSamples,
+    fitted,
+    resistance_design,
+)
+from smadrive.wire.resistance import WireResistance, spline_design
+from smadrive.wire.wire_model import WireModel
+
+Array = NDArray[np.float64]
+
+FIT = "resistance fit"
+"""The part `where` of the errors in this file."""
+
+RATE_SAMPLES = 3
+"""The rate of the resistance is a difference over this number of samples, on each side."""
+
+MIN_CURRENT_FRACTION, MIN_SAMPLES = 0.1, 200
+"""Only samples with more than this fraction of the largest current are used, and at least this number is needed."""
+
+OUTLIER = 5.0
+"""Samples with a larger residual, in standard deviations, are left out: the current changed while it was measured."""
+
+LEAST_CHANGE = 10.0
+"""The change of the resistance over the stroke must be at least this number of standard errors."""
+
+MOST_NOISE = 0.2
+"""The noise of one sample, as a share of the stroke, with which the resistance is still of use."""
+
+
+@dataclass(frozen=True)
+class ResistanceFit:
+    """A fitted resistance.
+
+    resistance       the resistance as a function of temperature and phase
+    within           half of the 95 % interval of martensite_ohm (Ω), martensite_ohm_per_k (Ω/K) and change
+    change           relative change from the cold to the hot wire at one temperature, in the middle of the loop
+    rms_ohm          RMS of the residual, Ω
+    noise_phase      noise of the phase of one sample, at the median current
+    temperature_c, phase, ohm   the samples, each (samples,)
+    """
+
+    resistance: WireResistance
+    within: dict[str, float]
+    change: float
+    rms_ohm: float
+    noise_phase: float
+    temperature_c: Array
+    phase: Array
+    ohm: Array
+
+
+def identify_resistance(record: ExcitationRecord, temperature_c: Array, wire: WireModel) -> ResistanceFit:
+    """Fit the resistance to a record whose wire had the temperatures `temperature_c`, °C.
+
+    `wire` gives the travel. IdentificationError for a record without current or voltage, and for a wire whose
+    resistance hardly changes with the displacement.
+    """
+    samples = _samples(record, temperature_c, wire)
+    reference_c = float(np.mean(samples.temperature_c))
+    _, rough = fitted(resistance_design(samples, reference_c))
+    design = resistance_design(_refined(samples, rough), reference_c)
+    strain, linear = fitted(design)
+    degrees = linear.residual_v.size - linear.freedom
+    noise_v = float(np.sqrt(np.sum(linear.residual_v**2) / degrees))
+    covariance = noise_v**2 * _fewer(linear.residual_v) * linear.inverse
+    leverage = np.einsum("ij,jk,ik->i", linear.matrix, covariance, linear.matrix)
+    martensite, slope, delay_s, *austenite = linear.parameters.tolist()
+    error_ohm = float(np.sqrt(np.mean(leverage)))
+    nodes = tuple(design.nodes.tolist())
+    resistance = WireResistance(
+        reference_c, martensite, slope, strain, noise_v, error_ohm, delay_s, nodes, tuple(austenite)
+    )
+    return _judged(resistance, design, covariance, linear.residual_v)
+
+
+def _samples(record: ExcitationRecord, temperature_c: Array, wire: WireModel) -> ResistanceSamples:
+    current = record.current_a
+    if not np.any(current > 0.0) or not np.any(record.voltage_v > 0.0):
+        raise IdentificationError(
+            "the record has no current or no voltage, so the resistance is unknown",
+            where=FIT,
+            value=f"at most {current.max():g} A and {record.voltage_v.max():g} V",
+            cure="record the excitation with a device that measures both",
+        )
+    used = (current > MIN_CURRENT_FRACTION * current.max()) & (record.voltage_v > 0.0)
+    if np.count_nonzero(used) < MIN_SAMPLES:
+        what = "too few samples with current"
+        raise IdentificationError(
+            what, where=FIT, value=int(np.count_nonzero(used)), limit=MIN_SAMPLES, cure="record a longer excitation"
+        )
+    phase = (record.displacement_mm - wire.cold_mm) / wire.travel_mm
+    ohm = record.voltage_v[used] / current[used]
+    time_s, no_rate = record.time_s[used], np.zeros(ohm.size)
+    return ResistanceSamples(time_s, temperature_c[used], phase[used], ohm, current[used], no_rate)
+
+
+def _refined(samples: ResistanceSamples, rough: LinearFit) -> ResistanceSamples:
+    """Return the samples without outliers, with the rate of the resistance by the first fit."""
+    large = OUTLIER * float(np.median(np.abs(rough.residual_v))) / 0.6745
+    good = np.abs(rough.residual_v) <= large
+    ohm, many, last = rough.matrix @ rough.parameters, RATE_SAMPLES, samples.ohm.size - 1
+    before, after = np.maximum(np.arange(last + 1) - many, 0), np.minimum(np.arange(last + 1) + many, last)
+    rate = (ohm[after] - ohm[before]) / (samples.time_s[after] - samples.time_s[before])
+    return ResistanceSamples(*(column[good] for column in samples._replace(rate=rate)))
+
+
+def _fewer(residual: Array) -> float:
+    """Return the factor of the variances by correlated residuals, which count as fewer samples."""
+    correlation = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
+    return (1.0 + correlation) / (1.0 - correlation)
+
+
+def _judged(
+    resistance: WireResistance, design: ResistanceDesign, covariance: Array, residual_v: Array
+) -> ResistanceFit:
+    """Return the fit with its intervals. IdentificationError if the resistance says too little of the displacement."""
+    samples = design.samples
+    middle_c = float(np.median(samples.temperature_c))
+    ends = resistance.ohm(middle_c, 0.0), resistance.ohm(middle_c, 1.0)
+    warmer_k = middle_c - resistance.reference_c
+    of_change = np.concatenate(
+        ([-1.0, -warmer_k, 0.0], (1.0 - resistance.strain) ** 2 * spline_design(np.array([middle_c]), design.nodes)[0])
+    )
+    error_ohm = float(np.sqrt(of_change @ covariance @ of_change))
+    slope = abs(resistance.ohm_per_phase(middle_c, 0.5))
+    noise_phase = resistance.noise_v / float(np.median(samples.current_a)) / max(slope, 1e-12)
+    if abs(ends[1] - ends[0]) < LEAST_CHANGE * error_ohm or noise_phase > MOST_NOISE:
+        raise IdentificationError(
+            "the resistance of this wire hardly changes with the displacement, and cannot replace a sensor",
+            where=FIT,
+            value=f"{ends[1] - ends[0]:+.2g} Ω over the stroke, ±{1.96 * error_ohm:.1g} Ω",
+            limit=f"noise of one sample at most {100 * MOST_NOISE:g} % of the stroke, here {100 * noise_phase:.0f} %",
+            cure="keep the displacement sensor, or measure current and voltage more finely",
+        )
+    spread = 1.96 * np.sqrt(np.diag(covariance))
+    within = {
+        "martensite_ohm": float(spread[0]),
+        "martensite_ohm_per_k": float(spread[1]),
+        "change": 1.96 * error_ohm / ends[0],
+    }
+    rms_ohm = float(np.sqrt(np.mean((residual_v / samples.current_a) ** 2)))
+    change, columns = ends[1] / ends[0] - 1.0, (samples.temperature_c, samples.phase, samples.ohm)
+    return ResistanceFit(resistance, within, change, rms_ohm, noise_phase, *columns)

@@ -1,0 +1,100 @@
+"""Can the resistance replace the displacement sensor on this rig? Checked before the wire is heated.
+
+The device that heats must measure current and voltage. Its resolution limits the displacement: a quantum q makes an
+error of up to q/2, and while the current is steady, this error does not average out. In the middle of the cooling
+branch, held by the current I at the voltage U, the error of the displacement is up to
+
+    (q_U / 2U + q_I / 2I) R / |dR/dξ|  strokes
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from smadrive.devices.profile.profile import Profile
+from smadrive.errors import ConfigError
+from smadrive.files.number_text import distinct
+from smadrive.measurement import DisplacementFrom
+from smadrive.rig.planned_device import PlannedDevice
+from smadrive.wire.observability import branch_of, cold_c, lost_text
+from smadrive.wire.resistance import WireResistance
+from smadrive.wire.wire_model import WireModel
+
+KEY = "displacement_from"
+
+COARSE, TOO_COARSE = 0.02, 0.1
+"""Errors by the resolution, in strokes, from which the plan of a run warns, and from which the run is refused."""
+
+
+def check_sensing(
+    chosen: DisplacementFrom, source: PlannedDevice, wire: WireModel, temperature_c: float
+) -> tuple[str, ...]:
+    """Return warnings of a run that takes the displacement from `chosen`, one sentence each.
+
+    `source` is the device that heats, `temperature_c` the present temperature of the wire. ConfigError if the
+    displacement cannot come from the resistance.
+    """
+    if chosen is not DisplacementFrom.RESISTANCE:
+        return ()
+    if wire.resistance is None:
+        raise ConfigError(
+            "the model file has no resistance",
+            where=KEY,
+            value=chosen.value,
+            cure="identify the wire again, from a log of `smadrive excite` with a displacement sensor; "
+            "`smadrive identify` says why if the resistance cannot be used",
+        )
+    _check_measured(source)
+    return *_resolution_doubts(source, wire, wire.resistance), *_lead_doubts(wire, wire.resistance, temperature_c)
+
+
+def _check_measured(source: PlannedDevice) -> None:
+    roles = source.profile.roles
+    if roles.measured_current is None or roles.measured_voltage is None:
+        raise ConfigError(
+            f"'{source.config.profile}' does not measure current and voltage, so the resistance is unknown",
+            where=source.where,
+            cure=f'set {KEY} = "sensor" or "none"',
+        )
+
+
+def resolution(profile: Profile) -> tuple[float, float]:
+    """Return the quanta of the measured current, A, and of the measured voltage, V. A float register has none: 0."""
+    names = profile.roles.measured_current, profile.roles.measured_voltage
+    registers = [profile.register(name) for name in names if name is not None]
+    current_a, voltage_v = (0.0 if one.type.startswith("float") else abs(one.scale) for one in registers)
+    return current_a, voltage_v
+
+
+def _resolution_doubts(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
+    error = resolution_error(wire, resistance, *resolution(source.profile))
+    if error > TOO_COARSE:
+        raise ConfigError(
+            "current and voltage are measured too coarsely for the displacement by the resistance",
+            where=source.where,
+            value=f"up to {distinct(100 * error, 100 * TOO_COARSE)} % of the stroke by its resolution",
+            limit=f"{distinct(100 * TOO_COARSE, 100 * error)} %",
+            cure="use a device with a finer resolution, or a displacement sensor",
+        )
+    if error < COARSE:
+        return ()
+    return (f"the resolution of {source.where} alone makes an error of up to {100 * error:.1f} % of the stroke",)
+
+
+def resolution_error(wire: WireModel, resistance: WireResistance, quantum_a: float, quantum_v: float) -> float:
+    """Return the largest error of the displacement by the resolution, in strokes; see the head of this file."""
+    cooling = branch_of(wire, resistance, rising=False)
+    middle = int(abs(cooling.phase - 0.5).argmin())
+    temperature_c, ohm = float(cooling.temperature_c[middle]), float(cooling.ohm[middle])
+    held_a = sqrt(max(wire.balance.power_w(temperature_c, 0.0, 0.0), 1e-9) / ohm)
+    share = 0.5 * quantum_v / (held_a * ohm) + 0.5 * quantum_a / held_a
+    return share * ohm / abs(resistance.ohm_per_phase(temperature_c, 0.5))
+
+
+def _lead_doubts(wire: WireModel, resistance: WireResistance, temperature_c: float) -> tuple[str, ...]:
+    """Return what limits the displacement by the resistance, and a warning if the leads cannot be measured."""
+    texts = lost_text(wire, resistance)
+    if temperature_c < cold_c(wire, resistance):
+        return texts
+    warm = f"the wire is at {temperature_c:.0f} °C, not cold, so a change of leads and contacts cannot be measured"
+    return *texts, f"{warm}: let it cool down first"

@@ -1,0 +1,118 @@
+"""How well the resistance of a wire shows its displacement, along the two branches of its loop.
+
+Along a branch the temperature changes together with the phase ξ, so R(T(ξ), ξ) may rise and fall again, because of the
+temperature coefficients or of an R-phase. Then one resistance belongs to two displacements of the branch. The
+thermocouple tells these apart, but the resistance alone does not: this band is lost to it.
+
+At a known temperature the standard deviation of one sample is σ_U / (I |dR/dξ|) strokes; see resistance.py.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.wire.resistance import WireResistance
+from smadrive.wire.wire_model import WireModel
+
+Array = NDArray[np.float64]
+
+POINTS = 400
+"""Number of temperatures at which a branch is examined."""
+
+ENDS = 0.03
+"""The outermost shares of the stroke are left out: there the temperature changes without the displacement."""
+
+
+class BranchResistance(NamedTuple):
+    """One branch of the loop, from cold to hot: temperature in °C, phase, and resistance in Ω, each (points,)."""
+
+    temperature_c: Array
+    phase: Array
+    ohm: Array
+
+
+def branch_of(wire: WireModel, resistance: WireResistance, *, rising: bool) -> BranchResistance:
+    """Return the heating branch if `rising`, otherwise the cooling branch."""
+    model = wire.model
+    temperature_c = np.linspace(*model.input_range, POINTS)
+    y = model.offset + model.scale * model.branch(temperature_c, rising=rising)
+    phase = np.maximum.accumulate((y - wire.cold_mm) / wire.travel_mm)
+    ohm = np.array([resistance.ohm(*place) for place in zip(temperature_c.tolist(), phase.tolist(), strict=True)])
+    return BranchResistance(temperature_c, phase, ohm)
+
+
+def lost_band(wire: WireModel, resistance: WireResistance, *, rising: bool) -> tuple[float, float] | None:
+    """Return the displacements of a branch, mm, between which the resistance alone does not tell the displacement.
+
+    None if the resistance changes in one direction along the whole branch.
+    """
+    branch = branch_of(wire, resistance, rising=rising)
+    inside = (branch.phase > ENDS) & (branch.phase < 1.0 - ENDS)
+    ohm, phase = branch.ohm[inside], branch.phase[inside]
+    if ohm.size < 3:
+        return None
+    falling = -ohm if ohm[-1] > ohm[0] else ohm
+    earlier = np.concatenate(([np.inf], np.minimum.accumulate(falling)[:-1]))
+    later = np.concatenate((np.maximum.accumulate(falling[::-1])[::-1][1:], [-np.inf]))
+    lost = np.flatnonzero((falling >= earlier) | (falling <= later))
+    if not lost.size:
+        return None
+    low, high = wire.cold_mm + wire.travel_mm * phase[lost[[0, -1]]]
+    return float(min(low, high)), float(max(low, high))
+
+
+COLD_PHASE, COLD_MARGIN_C = 0.002, 2.0
+"""The wire is cold if its cooling branch, this much warmer, has at most this phase."""
+
+
+def cold_c(wire: WireModel, resistance: WireResistance) -> float:
+    """Return the temperature below which the wire is martensite after any history, °C."""
+    cooling = branch_of(wire, resistance, rising=False)
+    cold = np.flatnonzero(cooling.phase <= COLD_PHASE)
+    return float(cooling.temperature_c[cold[-1] if cold.size else 0]) - COLD_MARGIN_C
+
+
+class SenseCurrent(NamedTuple):
+    """The sense current, A, with the noise of one sample in strokes, and its heat as a share of the heat loss."""
+
+    current_a: float
+    noise: float
+    heat: float
+
+
+SENSE_NOISE, SENSE_HEAT = 0.05, 0.05
+"""Largest noise of one sample, in strokes, and largest heat by the sense current, as a share of the heat loss."""
+
+
+def sense_current(wire: WireModel, resistance: WireResistance) -> SenseCurrent:
+    """Return the least current that keeps the resistance observable while the wire cools.
+
+    It is the smallest current with at most `SENSE_NOISE`, or the current with `SENSE_HEAT` if that is smaller. Both
+    apply in the middle of the cooling branch, where the wire has the phase 0.5.
+    """
+    branch = branch_of(wire, resistance, rising=False)
+    middle_c = float(np.interp(0.5, branch.phase, branch.temperature_c))
+    ohm, slope = resistance.ohm(middle_c, 0.5), abs(resistance.ohm_per_phase(middle_c, 0.5))
+    loss_w = wire.balance.loss_w_per_k * max(middle_c - wire.balance.ambient_c, 1.0)
+    current_a = min(resistance.noise_v / (SENSE_NOISE * slope), float(np.sqrt(SENSE_HEAT * loss_w / ohm)))
+    return SenseCurrent(current_a, resistance.noise_v / (current_a * slope), current_a**2 * ohm / loss_w)
+
+
+def sense_text(wire: WireModel, resistance: WireResistance) -> str:
+    """Return the sense current, its heat and its noise as a sentence."""
+    sense = sense_current(wire, resistance)
+    heat = f"the sense current of {1e3 * sense.current_a:.0f} mA heats with {100 * sense.heat:.1f} % of the heat loss"
+    return f"{heat}, and one sample then has a noise of {100 * sense.noise:.1f} % of the stroke"
+
+
+def lost_text(wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
+    """Return the bands that are lost to the resistance, one sentence each."""
+    sentences = []
+    for rising, way in ((True, "heating"), (False, "cooling")):
+        if (band := lost_band(wire, resistance, rising=rising)) is not None:
+            where = f"on {way}, from {band[0]:.2g} to {band[1]:.2g} mm"
+            sentences.append(f"{where}, the resistance alone does not tell the displacement: the temperature must help")
+    return tuple(sentences)

@@ -1,0 +1,153 @@
+"""The resistance of the identified wire, and the displacement that follows from it.
+
+    R(T, ξ) = (1 - e ξ)² [(1 - ξ) f(T) + ξ g(T)]
+
+T is the temperature of the wire and ξ the phase: the displacement as a share of the travel. f is the resistance of the
+martensite, linear in T. g is the resistance of the austenite, a natural cubic spline in T. A spline is needed because
+an R-phase in the austenite raises its resistance on cooling. Its own hysteresis of 1 to 2 K is left out. The factor
+(1 - e ξ)² is the geometry: a wire that contracts by the share e becomes shorter and thicker at a constant volume.
+
+At a known temperature, R determines ξ, because R falls (or rises) with ξ. A noise of σ_R makes an error of
+σ_R / |dR/dξ|, so the displacement is lost where dR/dξ is nearly zero. A current I measured with the noise σ_I, and a
+voltage with σ_V, give
+
+    σ_R = σ_U / I        σ_U = sqrt(σ_V² + R² σ_I²)
+
+A device samples (or averages) current and voltage before it answers. So U/I is the resistance a delay ago, about half
+a period of an averaging device.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from smadrive.errors import ModelError
+from smadrive.numerics.piecewise_linear import PiecewiseLinear
+
+Array = NDArray[np.float64]
+
+CELLS_PER_NODE = 16
+"""The spline is looked up in a table with this number of cells between two nodes."""
+
+FAR_C = 200.0
+"""The spline continues as a straight line for this distance beyond its nodes, K."""
+
+STEPS = 4
+"""Newton steps to the phase. The resistance is nearly linear in the phase, so each step gains several digits."""
+
+CLOSE = 1e-6
+"""A smaller step to the phase is the last one: the next step would be far below this."""
+
+LEAST_NODES = 3
+
+NUMBERS = ("reference_c", "martensite_ohm", "martensite_ohm_per_k", "strain", "noise_v", "error_ohm", "delay_s")
+"""The parameters that are single numbers."""
+
+SPLINE = ("nodes_c", "austenite_ohm")
+"""The parameters that are lists of numbers."""
+
+
+@dataclass(frozen=True)
+class WireResistance:
+    """The parameters of the equations at the head of this file. Raises ModelError for impossible parameters.
+
+    reference_c             temperature at which the martensite has `martensite_ohm`, °C
+    martensite_ohm          f at this temperature, Ω
+    martensite_ohm_per_k    slope of f, Ω/K
+    strain                  e, the contraction of the whole stroke as a share of the length
+    noise_v                 σ_U, the noise of the measurement as a voltage, V
+    error_ohm               standard error of R by the fit, Ω
+    delay_s                 age of current and voltage, compared with the readings of the sensors, s
+    nodes_c, austenite_ohm  nodes of the spline g, in °C and Ω
+    """
+
+    reference_c: float
+    martensite_ohm: float
+    martensite_ohm_per_k: float
+    strain: float
+    noise_v: float
+    error_ohm: float
+    delay_s: float
+    nodes_c: tuple[float, ...]
+    austenite_ohm: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Raise ModelError for parameters that are not finite, or that no wire can have."""
+        for name in NUMBERS:
+            if not isfinite(value := getattr(self, name)):
+                raise ModelError("not finite", where=f"resistance: {name}", value=value)
+        for name, values in (("martensite_ohm", (self.martensite_ohm,)), ("austenite_ohm", self.austenite_ohm)):
+            if not all(0.0 < value < np.inf for value in values):
+                raise ModelError("not positive", where=f"resistance: {name}", value=min(values))
+        for name in ("noise_v", "error_ohm"):
+            if not getattr(self, name) >= 0.0:
+                raise ModelError("negative", where=f"resistance: {name}", value=getattr(self, name))
+        if not 0.0 <= self.strain < 1.0:
+            raise ModelError("out of its range", where="resistance: strain", value=self.strain, limit="0 to 1")
+        nodes = self.nodes_c
+        if len(nodes) < LEAST_NODES or len(nodes) != len(self.austenite_ohm) or not np.all(np.diff(nodes) > 0.0):
+            what = "needs ascending nodes, each with one value"
+            raise ModelError(what, where="resistance: nodes_c", value=len(nodes), limit=f"at least {LEAST_NODES}")
+
+    def ohm(self, temperature_c: float, phase: float) -> float:
+        """Return the resistance R in Ω, at the temperature in °C and at the phase, 0 for the cold wire."""
+        martensite, austenite = self._pure_ohm(temperature_c)
+        return (1.0 - self.strain * phase) ** 2 * (martensite + (austenite - martensite) * phase)
+
+    def ohm_per_phase(self, temperature_c: float, phase: float) -> float:
+        """Return the slope dR/dξ at a constant temperature, Ω."""
+        return self._slope(*self._pure_ohm(temperature_c), phase)
+
+    def phase(self, ohm: float, temperature_c: float, start: float) -> float:
+        """Return the phase at which the wire has the resistance `ohm` at this temperature.
+
+        Newton's method begins at the phase `start`. The result may lie outside [0, 1], because of noise. It is NaN
+        where the resistance does not depend on the phase.
+        """
+        martensite, austenite = self._pure_ohm(temperature_c)
+        phase = start
+        for _ in range(STEPS):
+            geometry = 1.0 - self.strain * phase
+            slope = self._slope(martensite, austenite, phase)
+            if slope == 0.0:
+                return np.nan
+            step = (ohm - geometry**2 * (martensite + (austenite - martensite) * phase)) / slope
+            phase = min(max(phase + step, -1.0), 2.0)
+            if abs(step) < CLOSE:
+                break
+        return phase
+
+    def _slope(self, martensite: float, austenite: float, phase: float) -> float:
+        geometry, mixed = 1.0 - self.strain * phase, martensite + (austenite - martensite) * phase
+        return geometry * (geometry * (austenite - martensite) - 2.0 * self.strain * mixed)
+
+    def _pure_ohm(self, temperature_c: float) -> tuple[float, float]:
+        """Return f and g, the resistances of the martensite and of the austenite, Ω."""
+        warmer_k = temperature_c - self.reference_c
+        return self.martensite_ohm + self.martensite_ohm_per_k * warmer_k, self._austenite.at(temperature_c)
+
+    @cached_property
+    def _austenite(self) -> PiecewiseLinear:
+        """The spline g as a table."""
+        nodes = np.asarray(self.nodes_c)
+        cells = np.linspace(0.0, len(nodes) - 1.0, CELLS_PER_NODE * (len(nodes) - 1) + 1)
+        places = np.interp(cells, np.arange(len(nodes)), nodes)
+        places = np.concatenate(([nodes[0] - FAR_C], places, [nodes[-1] + FAR_C]))
+        return PiecewiseLinear(places, spline_design(places, nodes) @ np.asarray(self.austenite_ohm))
+
+
+def spline_design(temperature_c: Array, nodes_c: Array) -> Array:
+    """Return the matrix (samples, nodes) that maps the values at the nodes to the values of the spline.
+
+    Beyond its nodes the spline is a straight line.
+    """
+    spline = CubicSpline(nodes_c, np.eye(len(nodes_c)), bc_type="natural")
+    inside = np.clip(temperature_c, nodes_c[0], nodes_c[-1])
+    matrix: Array = spline(inside) + (temperature_c - inside)[:, None] * spline(inside, 1)
+    return matrix
