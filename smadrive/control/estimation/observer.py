@@ -52,6 +52,13 @@ The thermocouple alone cannot tell a draft from a bead that comes off. More powe
 NOISES = 5
 """Number of noises of the displacement by the resistance: up to 256 times the noise of a sensor."""
 
+MOST_SHIFT_C = 10.0
+"""Largest shift of the transformation by a changed load, K: about 75 MPa.
+
+A displacement sensor that is stuck looks like a load that grows with the temperature. A larger shift would overheat the
+wire.
+"""
+
 LEAST_EXCESS_C = 5.0
 """Nearer to the ambient temperature than this, K, the power of a draft stays constant."""
 
@@ -194,6 +201,8 @@ class WireObserver:
         wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(
             slope, read_c, seen, doubt.doubt, noise_mm / abs(self._wire.travel_mm)
         )
+        limited_c = min(max(expected.shift_c + shift_c, -MOST_SHIFT_C), MOST_SHIFT_C)
+        shift_c = limited_c - expected.shift_c
         y = expected.hysteresis.y + self._wire.travel_mm * phase
         return WireEstimate(
             expected.temperature_c + wire_c,
@@ -203,5 +212,5 @@ class WireObserver:
             Play(expected.play.position + wire_c, expected.play.direction),
             expected.radius_c,
             doubt,
-            expected.shift_c + shift_c,
+            limited_c,
         )

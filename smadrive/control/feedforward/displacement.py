@@ -18,6 +18,7 @@ from scipy.optimize import isotonic_regression
 from smadrive.control.estimation.observer import WireEstimate
 from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel, HysteresisState, InverseFeedforward
+from smadrive.numerics.piecewise_linear import PiecewiseLinear
 from smadrive.wire.wire_model import WireModel, travel_mm
 
 REVERSAL_TOLERANCE = 0.01
@@ -51,6 +52,15 @@ FOOT_S = 2.0
 
 COLDER_C = 5.0
 """The target of a cold wire is this far below the model's range, K, so that sensor noise commands no heat."""
+
+BRANCH_POINTS = 2000
+"""Number of points in the table of the heating branch."""
+
+BEYOND_C = 1.0
+"""The target is at most this far above the heating branch at the setpoint, K.
+
+No state needs more. A stuck displacement sensor would otherwise request more and more.
+"""
 
 MAP_LEVELS = 50
 """Entries of the static map, about as many as in a table that is made by hand."""
@@ -100,6 +110,9 @@ class HysteresisInverse:
         self._inverse = InverseFeedforward(model)
         self._cold_mm, hot_mm = travel_mm(model)
         self._travel_mm = hot_mm - self._cold_mm
+        heated_c = np.linspace(*model.input_range, BRANCH_POINTS)
+        phases = (model.simulate(heated_c) - self._cold_mm) / self._travel_mm
+        self._hottest_c = PiecewiseLinear(np.maximum.accumulate(phases), heated_c + BEYOND_C)
 
     def target(
         self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0
@@ -108,7 +121,7 @@ class HysteresisInverse:
 
         `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the cold end.
         `rate_mm_per_s` is the rate of the setpoint. An unreachable setpoint gives the end of the model's temperature
-        range, and the derivative 0.
+        range, and the derivative 0. The target is never far above the heating branch at the setpoint.
         """
         soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
@@ -116,7 +129,14 @@ class HysteresisInverse:
         lead = direction * (state.y - setpoint_mm) / self._travel_mm
         made_up = max(direction * rate_mm_per_s / self._travel_mm * REVERSAL_S, 0.0)
         if 0.0 <= lead <= REVERSAL_TOLERANCE + made_up:
-            return self._wait(state, lead, direction, setpoint_mm)
+            found = self._wait(state, lead, direction, setpoint_mm)
+        else:
+            found = self._reach(state, setpoint_mm)
+        hottest_c = self._hottest_c.at((setpoint_mm - self._cold_mm) / self._travel_mm)
+        return found if found.temperature_c <= hottest_c else found._replace(temperature_c=hottest_c, k_per_mm=0.0)
+
+    def _reach(self, state: HysteresisState, setpoint_mm: float) -> TemperatureTarget:
+        """Return the temperature at which the wire reaches the setpoint."""
         inversion = self._inverse.update(state, setpoint_mm)
         reached = self._model.step(state, inversion.v)
         slope = self._model.slope(reached, 1 if inversion.v >= state.v else -1)

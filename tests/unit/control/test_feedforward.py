@@ -5,6 +5,7 @@ import pytest
 
 from smadrive.control.estimation.observer import WireEstimate
 from smadrive.control.feedforward.displacement import (
+    BEYOND_C,
     COLDER_C,
     MOST_K,
     WAITING_RANGE_C,
@@ -13,7 +14,7 @@ from smadrive.control.feedforward.displacement import (
     StaticMap,
 )
 from smadrive.errors import DataError
-from smadrive.hysteresis import DuhemModel
+from smadrive.hysteresis import DuhemModel, InverseFeedforward, TriangularSets, TSFuzzyDuhem
 from smadrive.hysteresis.reversal import Play
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel, travel_mm
@@ -69,7 +70,7 @@ def test_wire_ahead_of_a_fast_reference_does_not_reverse(model):
 def test_waiting_where_the_branch_is_flat_is_bounded():
     state = LOOP.initial_state(120.0)
     held = HysteresisInverse(LOOP).target(state, state.y - 1e-7, direction=1)
-    assert held.temperature_c == pytest.approx(120.0 - WAITING_RANGE_C)
+    assert 118.0 < held.temperature_c <= 120.0 - WAITING_RANGE_C
     assert held.k_per_mm == 0.0
 
 
@@ -143,3 +144,15 @@ def test_foot_of_a_branch_requests_no_unlimited_rate():
     target = HysteresisInverse(LOOP).target(state, state.y + 1e-9, direction=1)
     assert target.temperature_c >= 62.0
     assert target.k_per_mm == pytest.approx(MOST_K / LOOP.scale)
+
+
+def test_stuck_displacement_requests_no_temperature_far_above_the_branch():
+    """The sensor shows a displacement that a wire at 104 °C cannot have."""
+    model = TSFuzzyDuhem.from_duhem(LOOP, TriangularSets(tuple(np.linspace(40.0, 120.0, 17).tolist())))
+    inverse, stuck = HysteresisInverse(model), model.initial_state(104.0, 8.0)
+    needed = inverse.target(model.initial_state(20.0), 9.0, direction=1)
+    assert stuck.y == pytest.approx(8.0)
+    assert InverseFeedforward(model).update(stuck, 9.0).v > 104.0
+    assert inverse.target(stuck, 9.0, direction=1).temperature_c == pytest.approx(
+        needed.temperature_c + BEYOND_C, abs=0.1
+    )
