@@ -10,8 +10,9 @@ import ctypes
 from firmware_sim.board.library import WORDS, Hardware, Inputs, Outputs, View, board_library
 
 RECORD_BYTES = 14
-REPLY_BYTES = 64
-REPLY_BYTES_PER_BYTE = 10
+REPLY_BYTES = 40
+"""No reply is longer, and no request is shorter than 8 bytes, so 5 bytes of replies for each byte are enough."""
+REPLY_BYTES_PER_BYTE = 5
 
 
 class CoreBoard:
@@ -34,15 +35,15 @@ class CoreBoard:
 
     def receive(self, data: bytes, now_ms: int) -> bytes:
         """Take bytes from the line, and return the bytes of the replies."""
-        replies = ctypes.create_string_buffer(REPLY_BYTES_PER_BYTE * len(data) + 1)
-        length = self._library.native_receive(self._board, data, len(data), now_ms, replies)
+        replies = ctypes.create_string_buffer(REPLY_BYTES + REPLY_BYTES_PER_BYTE * len(data))
+        length = self._library.native_receive(self._board, data, len(data), now_ms, replies, len(replies))
         self._save_calibration()
         self._observe()
         return replies.raw[:length]
 
     def pause(self, now_ms: int) -> bytes:
         """Report a pause of the line, and return the bytes of the reply."""
-        length = self._library.native_pause(self._board, now_ms, self._reply)
+        length = self._library.native_pause(self._board, now_ms, self._reply, len(self._reply))
         self._observe()
         return self._reply.raw[:length]
 

@@ -137,8 +137,8 @@ def _declare(library: ctypes.CDLL) -> None:
         ("board_tick", None, (board, POINTER(Inputs), c_uint32, POINTER(Outputs))),
         ("board_poll", None, (board, c_uint32)),
         ("board_take_calibration", c_bool, (board, buffer)),
-        ("native_receive", c_size_t, (board, buffer, c_size_t, c_uint32, buffer)),
-        ("native_pause", c_size_t, (board, c_uint32, buffer)),
+        ("native_receive", c_size_t, (board, buffer, c_size_t, c_uint32, buffer, c_size_t)),
+        ("native_pause", c_size_t, (board, c_uint32, buffer, c_size_t)),
         ("native_registers", None, (board, c_uint32, POINTER(c_uint16 * WORDS))),
         ("native_observe", None, (board, POINTER(View))),
     ):

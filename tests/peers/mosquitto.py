@@ -10,7 +10,7 @@ import subprocess
 import threading
 import time
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 """A message that has not arrived after this time does not arrive."""
 
 

@@ -1,15 +1,23 @@
 /* The core as a shared library: what Python calls, and the locks of a target with a single thread.
  *
- * The caller owns the memory of a board, native_size() bytes. A lock that is not released, or taken twice, ends the
- * program: on a target it would stop the safety interrupt.
+ * The caller owns the memory of a board, native_size() bytes. The program ends when a lock is not released or is taken
+ * twice, because on a target it would stop the safety interrupt, and when a buffer is too small.
  */
 #include <stddef.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "board.h"
 #include "native.h"
 #include "registers.h"
 #include "target.h"
+
+/* Where replies go: `length` of `capacity` bytes are used. */
+struct native_replies {
+    uint8_t *bytes;
+    size_t capacity;
+    size_t length;
+};
 
 static int locks;
 
@@ -27,23 +35,27 @@ void board_unlock(void) {
 
 size_t native_size(void) { return sizeof(struct board); }
 
-size_t native_receive(struct board *board, const uint8_t *bytes, size_t count, uint32_t now_ms, uint8_t *replies) {
-    size_t length = 0;
-    for (size_t at = 0; at < count; ++at) {
-        const uint8_t sent = board_receive(board, bytes[at], now_ms);
-        for (uint8_t index = 0; index < sent; ++index) {
-            replies[length++] = board->frame.bytes[index];
-        }
+/* Copies a reply of `sent` bytes, and returns the new length of the replies. */
+static size_t append(const struct board *board, uint8_t sent, struct native_replies *replies) {
+    if (sent > replies->capacity - replies->length) {
+        abort();
     }
-    return length;
+    memcpy(&replies->bytes[replies->length], board->frame.bytes, sent);
+    return replies->length + sent;
 }
 
-size_t native_pause(struct board *board, uint32_t now_ms, uint8_t *replies) {
-    const uint8_t sent = board_pause(board, now_ms);
-    for (uint8_t index = 0; index < sent; ++index) {
-        replies[index] = board->frame.bytes[index];
+size_t native_receive(struct board *board, const uint8_t *bytes, size_t count, uint32_t now_ms, uint8_t *buffer,
+                      size_t capacity) {
+    struct native_replies replies = {buffer, capacity, 0};
+    for (size_t at = 0; at < count; ++at) {
+        replies.length = append(board, board_receive(board, bytes[at], now_ms), &replies);
     }
-    return sent;
+    return replies.length;
+}
+
+size_t native_pause(struct board *board, uint32_t now_ms, uint8_t *buffer, size_t capacity) {
+    struct native_replies replies = {buffer, capacity, 0};
+    return append(board, board_pause(board, now_ms), &replies);
 }
 
 void native_observe(const struct board *board, struct native_view *view) {

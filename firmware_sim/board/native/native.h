@@ -22,10 +22,12 @@ struct native_view {
 
 size_t native_size(void);
 
-/* Takes `count` bytes, and returns the length of the replies. `replies` has room for 10 bytes for each byte taken. */
-size_t native_receive(struct board *board, const uint8_t *bytes, size_t count, uint32_t now_ms, uint8_t *replies);
+/* Takes `count` bytes, puts the replies into `buffer`, and returns their length. A reply may answer a frame that began
+ * with bytes of an earlier call. */
+size_t native_receive(struct board *board, const uint8_t *bytes, size_t count, uint32_t now_ms, uint8_t *buffer,
+                      size_t capacity);
 
-size_t native_pause(struct board *board, uint32_t now_ms, uint8_t *replies);
+size_t native_pause(struct board *board, uint32_t now_ms, uint8_t *buffer, size_t capacity);
 
 /* All words from address 0 on, 0 where no register is. */
 void native_registers(const struct board *board, uint32_t now_ms, uint16_t *words);

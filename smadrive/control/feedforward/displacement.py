@@ -32,6 +32,13 @@ WAITING_RANGE_C = 0.5
 READY = 0.0003
 """The branch on which a waiting wire will move begins where the wire would move by this fraction of the stroke."""
 
+MOST_K = 200.0
+"""Largest derivative of the temperature with respect to the phase, K.
+
+In the middle of the loop it is about 20 K. At the foot of a branch, where the wire begins to move, it is unlimited: the
+slightest movement of the setpoint would request the largest power.
+"""
+
 COLD_END = 0.003
 """Up to this fraction of the stroke a sensor cannot distinguish the wire from a cold wire.
 
@@ -113,7 +120,12 @@ class HysteresisInverse:
         inversion = self._inverse.update(state, setpoint_mm)
         reached = self._model.step(state, inversion.v)
         slope = self._model.slope(reached, 1 if inversion.v >= state.v else -1)
-        return TemperatureTarget(inversion.v, 1.0 / slope if inversion.reachable and slope else 0.0, reached.y)
+        k_per_mm = self._k_per_mm(slope / self._travel_mm) if inversion.reachable else 0.0
+        return TemperatureTarget(inversion.v, k_per_mm, reached.y)
+
+    def _k_per_mm(self, per_k: float) -> float:
+        """Return the derivative of the temperature for the slope `per_k` of the phase in 1/K, at most `MOST_K`."""
+        return min(1.0 / per_k, MOST_K) / self._travel_mm if per_k > 0.0 else 0.0
 
     def _wait(self, state: HysteresisState, lead: float, direction: int, setpoint_mm: float) -> TemperatureTarget:
         """Return a target a little behind the branch of `direction`, where the wire waits for the reference.
@@ -129,7 +141,7 @@ class HysteresisInverse:
         if lead >= per_k * WAITING_RANGE_C:
             return TemperatureTarget(ready_c - direction * (back_k + WAITING_RANGE_C), 0.0, setpoint_mm)
         target_c = ready_c - direction * (back_k + lead / per_k)
-        return TemperatureTarget(target_c, 1.0 / (per_k * self._travel_mm), setpoint_mm)
+        return TemperatureTarget(target_c, self._k_per_mm(per_k), setpoint_mm)
 
 
 class StaticMap:

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
@@ -24,6 +25,18 @@ needs_broker = pytest.mark.skipif(mosquitto.missing() is not None, reason=str(mo
 def smadrive(*arguments, cwd):
     command = [sys.executable, "-m", "smadrive", *map(str, arguments)]
     return programs.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+@contextmanager
+def started(*arguments, cwd):
+    """Start a command. If the test fails, kill it: it would not end by itself."""
+    options = {"cwd": cwd, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with programs.Program([sys.executable, "-m", "smadrive", *arguments], **options) as program:
+        try:
+            yield program
+        except BaseException:
+            program.kill()
+            raise
 
 
 def real_time_rig(folder, port, **keys):
@@ -89,9 +102,7 @@ def test_tuning_session_is_published_and_stopped(tmp_path, identified):
     ):
         rig = real_time_rig(tmp_path, url + PATIENT, off_by_mqtt="true")
         options = ["--model", str(identified.wire_file), "--no-browser", "--port", "0", "--publish", broker.url]
-        with programs.Program(
-            [sys.executable, "-m", "smadrive", "tune", rig, *options], cwd=tmp_path, stderr=subprocess.PIPE, text=True
-        ) as program:
+        with started("tune", rig, *options, cwd=tmp_path) as program:
             wait_for(lambda: len(subscriber.texts("sample")) > 20)
             subscriber.publish("smadrive/simulated-bench/off")
             _, errors = program.communicate()
@@ -116,13 +127,7 @@ def test_off_from_the_broker_stops_a_command(tmp_path, is_permitted):
     ):
         rig = real_time_rig(tmp_path, url + PATIENT, off_by_mqtt=str(is_permitted).lower())
         command = ["heat", rig, "--current", "0.2", "--for", "60" if is_permitted else "4", "--publish", broker.url]
-        with programs.Program(
-            [sys.executable, "-m", "smadrive", *command],
-            cwd=tmp_path,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        ) as program:
+        with started(*command, cwd=tmp_path) as program:
             wait_for(lambda: len(subscriber.texts("sample")) > 20)
             subscriber.publish("smadrive/simulated-bench/off", "PRESS")
             _, errors = program.communicate()

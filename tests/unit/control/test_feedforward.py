@@ -6,6 +6,7 @@ import pytest
 from smadrive.control.estimation.observer import WireEstimate
 from smadrive.control.feedforward.displacement import (
     COLDER_C,
+    MOST_K,
     WAITING_RANGE_C,
     DisplacementFeedforward,
     HysteresisInverse,
@@ -134,3 +135,11 @@ def test_holding_a_temperature_takes_the_loss_and_no_more():
     held = DisplacementFeedforward(HysteresisInverse(LOOP), WireModel(LOOP, WIRE)).hold(estimate, 75.0, 6.0)
     assert held.temperature_c == 75.0
     assert held.power_w == pytest.approx(WIRE.loss_w_per_k * (75.0 - WIRE.ambient_c) - 0.1)
+
+
+def test_foot_of_a_branch_requests_no_unlimited_rate():
+    """The wire has turned at the cold end of a loop: the heating branch hardly moves it at first."""
+    state = LOOP.step(LOOP.initial_state(100.0), 62.0)
+    target = HysteresisInverse(LOOP).target(state, state.y + 1e-9, direction=1)
+    assert target.temperature_c > 62.0
+    assert 0.0 <= target.k_per_mm <= MOST_K / LOOP.scale

@@ -65,6 +65,13 @@ def test_frames_are_found_by_length_and_pause(data, answers):
     assert pair.send(READ_ID)[:5].hex() == "010302534d"
 
 
+def test_last_byte_of_a_request_alone_gets_the_whole_reply():
+    pair = BoardPair()
+    request = rtu.seal(1, bytes.fromhex("03 00 10 00 0E"))
+    assert pair.send(request[:-1]) == b""
+    assert len(pair.send(request[-1:])) == 33
+
+
 def test_no_part_of_a_spoiled_frame_is_carried_out():
     pair = BoardPair()
     arm = rtu.seal(1, bytes.fromhex("06 00 28 41 52"))
