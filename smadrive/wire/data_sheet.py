@@ -11,7 +11,7 @@ from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import WIRE
 from smadrive.files.shipped import config_file
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
-from smadrive.wire.resistance import RESISTIVITIES_UOHM_M, resistivity_uohm_m
+from smadrive.wire.nominal_resistance import RESISTIVITIES_UOHM_M, resistivity_uohm_m
 
 AGEING_C = 200.0
 """Above this temperature in °C nickel-titanium ages permanently. The wire file of another alloy sets its own limit."""
