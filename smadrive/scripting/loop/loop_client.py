@@ -89,7 +89,7 @@ class LoopClient:
         self._progress: RunProgress | None = None
         self._replies: dict[int, Result | Failure] = {}
         self._arrived = threading.Event()
-        self._one_call = threading.Lock()
+        self._one_call, self._one_message = threading.Lock(), threading.RLock()
         self._is_lost = False
         self._stop: StoppedError | None = None
         self.is_end_raised = False
@@ -200,7 +200,8 @@ class LoopClient:
         )
 
     def _send(self, message: bytes) -> None:
-        with suppress(OSError):  # the process has ended; the listening thread notices the end
+        """Send a message whole: a long one takes two writes, and another thread may send a command meanwhile."""
+        with self._one_message, suppress(OSError):  # the process has ended; the listening thread notices the end
             self._connection.send_bytes(message)
 
     def _listen(self) -> None:
