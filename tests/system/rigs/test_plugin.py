@@ -78,7 +78,8 @@ def test_other_projects_do_not_pay_for_the_plugin(pytester):
             assert not {"numpy", "scipy", "firmware_sim", "smadrive.rig"} & sys.modules.keys()
         """
     )
-    pytester.runpytest_subprocess("-p", "no:cacheprovider", "-p", "no:hypothesispytest").assert_outcomes(passed=1)
+    others = [argument for name in ("hypothesispytest", "zarr") for argument in ("-p", f"no:{name}")]
+    pytester.runpytest_subprocess("-p", "no:cacheprovider", *others).assert_outcomes(passed=1)
 
 
 @pytest.mark.exhaustive

@@ -41,7 +41,7 @@ class SimulatedRig:
 
 
 def _without_leads(sim):
-    """Return the sim of the wire alone, with a resistance that depends on the phase only, as the heat balance has it."""
+    """Return the sim of the wire without leads. Its resistance depends on the phase alone, as in the heat balance."""
     return sim.model_copy(update={"resistance": None, "sense": sim.sense.model_copy(update={"lead_ohm": 0.0})})
 
 
