@@ -21,6 +21,7 @@ the two.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from math import exp, log
 from typing import NamedTuple
 
@@ -32,6 +33,10 @@ from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
 Array = NDArray[np.float64]
+JointGain = tuple[tuple[float, float], ...]
+
+CACHED_GAINS = 4096
+"""Number of gains that are kept: a controller for a known wire is then built without solving them again."""
 
 
 class ProcessNoise(NamedTuple):
@@ -136,11 +141,10 @@ class GainSchedule:
     ) -> None:
         balance = wire.balance
         slopes = np.linspace(0.0, _steepest(wire), SLOPES).tolist()
-        noises = np.diag([noise_c**2, noise**2])
         self._apart = slopes[1]
         self._most_c, self._most = MOST_NOISES * noise_c, MOST_NOISES * noise
         self._calm, self._disturbed = (
-            [_joint_gain(balance, slope, period_s, noises, process, phase_noise).tolist() for slope in slopes]
+            [_joint_gain(balance, slope, period_s, noise_c, noise, process, phase_noise) for slope in slopes]
             for process in (CALM, DISTURBED)
         )
         self._calm_reading, self._disturbed_reading = (
@@ -173,7 +177,7 @@ class GainSchedule:
         parts = zip(calm, less, more, strict=True)
         return Correction(*[one + doubt * (high - low) for one, low, high in parts])
 
-    def _at(self, gains: list[list[list[float]]], slope: float, read_c: float, seen: float) -> list[float]:
+    def _at(self, gains: list[JointGain], slope: float, read_c: float, seen: float) -> list[float]:
         """Return the correction by `gains`, which are tabulated over the slope."""
         place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
         cell = min(int(place), SLOPES - 2)
@@ -190,9 +194,16 @@ def _reading_gain(balance: HeatBalance, period_s: float, noise_c: float, process
     return _gain(transition, np.array([[0.0, 1.0, 0.0]]), process, np.array([[noise_c**2]])).ravel()
 
 
+@lru_cache(CACHED_GAINS)
 def _joint_gain(
-    balance: HeatBalance, slope: float, period_s: float, noise: Array, process_noise: ProcessNoise, phase_noise: float
-) -> Array:
+    balance: HeatBalance,
+    slope: float,
+    period_s: float,
+    noise_c: float,
+    noise: float,
+    process_noise: ProcessNoise,
+    phase_noise: float,
+) -> JointGain:
     transition, process = np.eye(5), np.zeros((5, 5))
     transition[:3, :3], process[:3, :3] = _thermal(balance, period_s, slope, process_noise)
     transition[3, 3] = exp(-period_s / SHIFT_S)
@@ -203,7 +214,8 @@ def _joint_gain(
     process[4, 4] = slope**2 * (process[0, 0] + process[3, 3]) + period_s * phase_noise**2
     reads = np.zeros((2, 5))
     reads[0, 1] = reads[1, 4] = 1.0
-    return _gain(transition, reads, process, noise)
+    gain = _gain(transition, reads, process, np.diag([noise_c**2, noise**2]))
+    return tuple((of_reading, of_phase) for of_reading, of_phase in gain.tolist())
 
 
 def _thermal(balance: HeatBalance, period_s: float, slope: float, noise: ProcessNoise) -> tuple[Array, Array]:
