@@ -83,7 +83,21 @@ def on_a_port(tmp_path, limits=PATIENCE):
         path = tmp_path / "rig.toml"
         text = text.replace(shipped, url.split("?")[0] + PATIENT).replace("watchdog_s = 0.5", limits)
         path.write_text(text)
-        yield path, simulator
+        with number_kept(url):
+            yield path, simulator
+
+
+@contextlib.contextmanager
+def number_kept(url):
+    """Keep the number of a pseudo-terminal in use after its simulator has ended.
+
+    Otherwise another test could get this number, and its `off` would stop the driver of this test.
+    """
+    slave = os.open(url.removeprefix("serial://").split("?")[0], os.O_RDWR | os.O_NOCTTY)
+    try:
+        yield
+    finally:
+        os.close(slave)
 
 
 @contextlib.contextmanager
