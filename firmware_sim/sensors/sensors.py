@@ -47,7 +47,7 @@ class Sensors:
 
     @property
     def findings(self) -> list[str]:
-        """What the hardware of a board detects by itself: "open" or "short", "pressed", "silent" and "stuck".
+        """The faults that the hardware of a board detects: "open" or "short", "pressed", "silent" and "stuck".
 
         The emergency stop is pressed, a sensor does not answer on its bus, or the current source does not answer.
         """

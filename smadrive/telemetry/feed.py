@@ -1,4 +1,4 @@
-"""What a command publishes during a run: every tick as a row, and a status with limits, faults and the end."""
+"""Publishes a run of a command: every tick as a row, and a status with limits, faults and the end."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ def _fields(names: str, of_type: Any) -> Iterable[tuple[str, Any]]:
 
 
 class World(ctypes.Structure):
-    """What the pins and chips of the board see: `struct emulator_world`."""
+    """The inputs of the pins and chips of the board: `struct emulator_world`."""
 
     _fields_ = (
         *_fields("temperature_c cold_junction_c current_a wire_top_v wire_bottom_v displacement_v", c_double),

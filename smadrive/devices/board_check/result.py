@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class CheckKind(StrEnum):
-    """What a check judges: the replies of the board, or what ends the heat."""
+    """The subject of a check: the replies of the board, or what ends the heat."""
 
     CONFORMANCE = "conformance"
     SAFETY = "safety"

@@ -100,7 +100,7 @@ class OwnController:
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What a slow `update` explains, or would cause on a rig in real time: a sentence, or nothing."""
+        """One sentence about the effect of a slow `update`, in real time or on a real rig; empty for a fast one."""
         pace = self._pace
         if self.slowest_s <= (pace.longest_s if pace.is_virtual else pace.period_s):
             return ()

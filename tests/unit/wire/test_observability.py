@@ -1,4 +1,4 @@
-"""What the resistance shows of the displacement: lost bands, the sense current, the temperature of a cold wire."""
+"""The displacement by the resistance: lost bands, the sense current, the temperature of a cold wire."""
 
 import dataclasses
 
