@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 
 class WireKnowledge(NamedTuple):
-    """The knowledge of a tracking run about its wire: the identified wire, the record it comes from, and the fit's metrics.
+    """The wire of a tracking run: the identified wire, the record it comes from, and the fit's metrics.
 
     The record is empty for a wire from a model file. `cpu_s` is the processor time of the identification.
     """
