@@ -6,7 +6,8 @@ for a model without memory. The parameters θ are bounded so that every step kee
     θ = (rates of the rules, moves of the thresholds of the plane, ln scale)
 
 rules_state.py and plane_state.py compute x and p with their sensitivities ∂x/∂θ and ∂p/∂θ. The measured temperature
-drives both. The error e of the displacement y corrects θ with the gain K of a Kalman filter:
+drives both, and a change of θ changes both as if the new θ had always been in force. The error e of the displacement y
+corrects θ with the gain K of a Kalman filter:
 
     e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P
 
@@ -38,6 +39,7 @@ from smadrive.hysteresis.reversal import DeadBand
 from smadrive.identification.adaptation.likely_changes import LikelyChanges
 from smadrive.identification.adaptation.plane_state import UNMOVED, PlaneState
 from smadrive.identification.adaptation.rules_state import RulesState, rates_of
+from smadrive.identification.adaptation.travel import Travel
 from smadrive.numerics.arrays import FloatArray
 
 
@@ -100,7 +102,8 @@ class Adaptation:
         self._dead_band = DeadBand(0.5 * noise_c)
         self._v: float | None = None
         self._disbelieved, self._believed_error, self._since_believed_c = 0, 0.0, 0.0
-        self._predicted = self._measured = (0.0, 0.0)
+        self._predicted: float
+        self._travel: Travel
         self.sensor_fault: str | None = None
         self._marked = deque([self._theta], TRUSTED_MARKS)
 
@@ -125,7 +128,7 @@ class Adaptation:
         if self._v is None:
             if isfinite(displacement_mm):
                 self._start(v, displacement_mm)
-                self._mark(displacement_mm, displacement_mm)
+                self._mark(displacement_mm / abs(self._base.scale))
             return
         travel = abs(v - self._v)
         self._rules.move(self._theta[self._of_rules], self._v, v)
@@ -134,9 +137,13 @@ class Adaptation:
         self._v = v
         if self.sensor_fault is None and isfinite(displacement_mm) and travel:
             self._since_believed_c += travel
+            measured = displacement_mm / abs(self._base.scale)
+            predicted, _ = self._prediction()
+            self._travel.add(measured, predicted - self._predicted)
             self._forget(travel)
-            self._learn(displacement_mm)
-            self._watch(displacement_mm)
+            self._learn(measured)
+            self._predicted, _ = self._prediction()
+            self._watch(measured)
 
     def _start(self, v: float, displacement_mm: float) -> None:
         state = self._base.initial_state(v, displacement_mm)
@@ -157,19 +164,26 @@ class Adaptation:
     def _forget(self, travel: float) -> None:
         """Move θ and P back towards their initial values. A convex combination of certified rules is certified, too."""
         kept = exp(-travel / self._settings.forgetting_c)
-        self._theta = self._initial + kept**0.5 * (self._theta - self._initial)
+        self._set(self._initial + kept**0.5 * (self._theta - self._initial))
         self._covariance = kept * self._covariance + (1.0 - kept) * self._prior
 
-    def _learn(self, displacement_mm: float) -> None:
+    def _set(self, theta: FloatArray) -> None:
+        """Put θ in force. The state of the rules becomes the one that these rates would have reached (to first order).
+
+        Otherwise the error of a wire at rest would stay, and every further sample would correct θ again.
+        """
+        self._rules.change(theta[self._of_rules] - self._theta[self._of_rules])
+        self._theta = theta
+
+    def _learn(self, measured: float) -> None:
         """Make one step of the filter, unless the error is within the dead zone or the sample is rejected."""
-        settings, stroke = self._settings, abs(self._base.scale)
-        w, slopes = self._state()
-        error = (displacement_mm - self._base.offset - self._scale * w) / stroke
-        slope = np.append(slopes, w) * self._scale / stroke
-        direction = self._covariance @ slope
-        variance = float(slope @ direction) + settings.noise**2
+        settings = self._settings
+        predicted, psi = self._prediction()
+        error = measured - predicted
+        direction = self._covariance @ psi
+        variance = float(psi @ direction) + settings.noise**2
         jump = abs(error - self._believed_error) - min(JUMP_PER_C * self._since_believed_c, JUMP)
-        believable = float(slope @ self._prior @ slope) + settings.noise**2
+        believable = float(psi @ self._prior @ psi) + settings.noise**2
         if abs(error) > GATE * believable**0.5 or jump > GATE * settings.noise:
             self._disbelieved += 1
             return
@@ -178,31 +192,35 @@ class Adaptation:
             return
         gain = direction / variance
         beyond = error - np.copysign(settings.dead_zone, error)
-        self._theta = np.clip(self._theta + gain * beyond, self._low, self._high)
+        self._set(np.clip(self._theta + gain * beyond, self._low, self._high))
         self._covariance -= np.outer(gain, direction)
+
+    def _prediction(self) -> tuple[float, FloatArray]:
+        """Return the displacement that the present model predicts, and ψ, in strokes."""
+        w, slopes = self._state()
+        stroke = abs(self._base.scale)
+        return (self._base.offset + self._scale * w) / stroke, np.append(slopes, w) * self._scale / stroke
 
     @property
     def predicted_mm(self) -> float:
         """The displacement that the present model predicts, mm."""
-        return self._base.offset + self._scale * self._state()[0]
+        return self._prediction()[0] * abs(self._base.scale)
 
-    def _watch(self, displacement_mm: float) -> None:
+    def _watch(self, measured: float) -> None:
         """End the adaptation if too many samples are rejected, or if the sensor stands still while the wire travels."""
-        predicted_mm = self.predicted_mm
-        self._predicted = min(self._predicted[0], predicted_mm), max(self._predicted[1], predicted_mm)
-        self._measured = min(self._measured[0], displacement_mm), max(self._measured[1], displacement_mm)
-        travel_mm = self._predicted[1] - self._predicted[0]
+        travel = self._travel
         if self._disbelieved > MOST_DISBELIEVED:
             self._end("the displacement error stays larger than any likely change of the wire explains")
-        elif travel_mm > STUCK_TRAVEL * abs(self._base.scale):
-            if self._measured[1] - self._measured[0] < STUCK_RANGE * travel_mm:
+        elif travel.predicted > STUCK_TRAVEL:
+            if travel.measured < STUCK_RANGE * travel.predicted:
                 self._end("the displacement stands still while the wire travels")
             else:
-                self._mark(predicted_mm, displacement_mm)
+                self._mark(measured)
 
-    def _mark(self, predicted_mm: float, measured_mm: float) -> None:
+    def _mark(self, measured: float) -> None:
         """Keep the present parameters, because the sensor has followed the wire since the last check."""
-        self._predicted, self._measured = (predicted_mm, predicted_mm), (measured_mm, measured_mm)
+        self._predicted, _ = self._prediction()
+        self._travel = Travel(measured)
         self._marked.append(self._theta)
 
     def _end(self, why: str) -> None:

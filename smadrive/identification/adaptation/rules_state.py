@@ -61,6 +61,10 @@ class RulesState:
         for piece in range(pieces if step else 0):
             self._piece(rates, v0 + (piece + 0.5) * step, step)
 
+    def change(self, rates: FloatArray) -> None:
+        """Change the state by ∂x/∂θ times the change `rates` of θ, within [0, 1]."""
+        self.x = min(max(self.x + float(self.z @ rates), 0.0), 1.0)
+
     def _piece(self, rates: FloatArray, middle: float, step: float) -> None:
         """Advance over one piece with dx/d|v| = p (1 - x) - q x, exact in x; z uses x in the middle of the piece."""
         lower, upper = self._base.input_range

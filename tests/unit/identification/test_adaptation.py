@@ -68,6 +68,20 @@ def test_constant_wire_keeps_its_rules(rules):
     assert rms(adapted) < max(1.1 * rms(fixed), 0.5)
 
 
+def test_error_of_a_wire_at_rest_is_corrected_once(rules):
+    adaptation, state = Adaptation(rules, 0.0), rules.initial_state(40.0)
+    for v in np.linspace(40.0, 90.0, 200).tolist():
+        state = rules.step(state, v)
+        adaptation.update(v, state.y)
+    shown_mm = state.y - 0.05 * STROKE_MM
+    scales = []
+    for n in range(20):
+        adaptation.update(90.0 + 0.01 * (n % 2), shown_mm)
+        scales.append(adaptation.model.scale / rules.scale)
+    assert adaptation.predicted_mm == pytest.approx(shown_mm, abs=0.01 * STROKE_MM)
+    assert min(scales) == pytest.approx(scales[-1], abs=0.01)
+
+
 def test_stuck_sensor_ends_the_adaptation_and_changes_no_rule(rules):
     held = []
 

@@ -14,7 +14,7 @@ from smadrive.tuning.session.adaptation_runner import AdaptationRunner
 from smadrive.tuning.tuning import Tuning
 from tests.unit.tuning.conftest import BALANCE
 
-FOUND_S = 75.6
+FOUND_S = 75.7
 """The time at which the adaptation of `faulty_rig` finds the fault and ends."""
 
 

@@ -142,7 +142,6 @@ def half_way_c(wire):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.xfail(reason="near the peak of the reference the adaptation takes a wrong model for a stuck sensor")
 def test_adaptation_follows_a_changed_wire_and_one_undo_takes_it_back(ruled_rig):
     ruled_rig.at(1.0, "arm")
     ruled_rig.at(1.5, "shape", key="mu_heating", value=92.5)
