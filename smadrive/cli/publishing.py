@@ -16,9 +16,9 @@ from smadrive.rig.rig import Record, Rig
 if TYPE_CHECKING:
     from smadrive.runs.experiments import Watch
     from smadrive.runs.run_log import TickRecorder
+    from smadrive.stream.shared_memory import SharedWriter
     from smadrive.telemetry.feed import RunFeed
     from smadrive.telemetry.publication import Publication
-    from smadrive.tuning.link.shared_memory import SharedWriter
 
 Publish = Annotated[
     str | None,
@@ -94,8 +94,8 @@ def publishing(url: str | None, config: RigConfig, command: str, output: Output)
     if url is None:
         yield Publishing(None, None)
         return
+    from smadrive.stream.shared_memory import SharedWriter  # noqa: PLC0415
     from smadrive.telemetry.feed import RunFeed  # noqa: PLC0415 (most calls publish nothing)
-    from smadrive.tuning.link.shared_memory import SharedWriter  # noqa: PLC0415
 
     with (
         SharedWriter() as writer,

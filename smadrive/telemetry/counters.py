@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from smadrive.tuning.link.shared_memory import anonymous_memory
+from smadrive.stream.shared_memory import anonymous_memory
 
 TROUBLE_BYTES = 240
 

@@ -13,8 +13,8 @@ from smadrive.measurement import Measurement
 from smadrive.rig.config import RigConfig
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
-from smadrive.tuning.link.samples import row_of
-from smadrive.tuning.link.shared_memory import SharedWriter
+from smadrive.stream.samples import row_of
+from smadrive.stream.shared_memory import SharedWriter
 
 STATUS_S = 0.2
 """The status is published with this period."""

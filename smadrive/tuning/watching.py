@@ -9,8 +9,8 @@ from smadrive.control.loop import Tick
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shut_down
+from smadrive.stream.samples import row_of
 from smadrive.tuning.link.channel import ControlEnd
-from smadrive.tuning.link.samples import row_of
 
 STATUS_S = 0.2
 """The status is published with this period."""

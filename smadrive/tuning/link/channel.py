@@ -15,7 +15,7 @@ No process waits for another one.
     both ways        messages   JSON datagrams on a socket pair: each arrives whole or not at all; `send`
                                 returns False if the queue is full
 
-The shared memory is that of shared_memory.py.
+The shared memory is that of stream/shared_memory.py.
 See docs/decisions/0001-processes-of-the-tuning-page.md.
 """
 
@@ -30,7 +30,7 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any
 
-from smadrive.tuning.link.shared_memory import SharedReader, SharedWriter
+from smadrive.stream.shared_memory import SharedReader, SharedWriter
 
 MESSAGE_BYTES = 1 << 16
 MESSAGES_PER_TICK = 4

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smadrive.runs.columns import Row
-from smadrive.tuning.link.samples import COLUMNS, Rows
+from smadrive.stream.samples import COLUMNS, Rows
 
 CAPACITY = 1 << 15
 """Number of rows in the ring: 27 minutes at 20 Hz."""
