@@ -30,7 +30,7 @@ COMMANDS = ("calibrate", "demo", "excite", "heat", "identify", "off", "probe", "
 IMPORTED = (
     *("numpy", "scipy.optimize", "h5py", "pydantic", "serial", "pymodbus.pdu", "cloudpickle", "tomlkit"),
     *("typer", "rich.markdown", "rich.padding", "rich.table", "firmware_sim.cli", "smadrive.scripting.open_rig"),
-    *("smadrive.cli.app", "smadrive.cli.table", *(f"smadrive.cli.{name}" for name in COMMANDS)),
+    *("smadrive.cli.parsing.app", "smadrive.cli.terminal.table", *(f"smadrive.cli.{name}" for name in COMMANDS)),
 )
 STATUS = struct.Struct("i")
 MOST_BYTES = 2**17

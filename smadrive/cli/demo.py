@@ -11,10 +11,10 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.identify import fit_result
-from smadrive.cli.output import AsJson, Output, make_empty_folder
-from smadrive.cli.run import HEADER, table_row
+from smadrive.cli.terminal.output import AsJson, Output, make_empty_folder
 from smadrive.cli.views.announcement import announce_excitation
+from smadrive.cli.views.fit_view import fit_result
+from smadrive.cli.views.metrics_table import HEADER, table_row
 from smadrive.cli.views.reports.demo_report import write_demo_report
 from smadrive.cli.views.run_view import watched
 from smadrive.clock import Clock

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from smadrive.cli.options import RigFile, TraceFolder
-from smadrive.cli.output import AsJson, Output
-from smadrive.cli.publishing import Publish, publishing
+from smadrive.cli.live.publishing import Publish, publishing
+from smadrive.cli.parsing.options import RigFile, TraceFolder
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
 from smadrive.cli.views.run_view import number, shown
 from smadrive.control.controllers.step import ManualStep

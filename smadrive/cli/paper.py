@@ -17,7 +17,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from smadrive.cli.output import AsJson, Output, make_folder
+from smadrive.cli.terminal.output import AsJson, Output, make_folder
 from smadrive.cli.views.reports.paper_report import HEADER, write_paper_report
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem

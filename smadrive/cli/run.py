@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import shlex
 from dataclasses import asdict, replace
-from math import isnan
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from smadrive.cli.options import RigFile, TraceFolder
-from smadrive.cli.output import AsJson, Output
-from smadrive.cli.publishing import Publish, publishing
+from smadrive.cli.live.publishing import Publish, publishing
+from smadrive.cli.parsing.options import RigFile, TraceFolder, model_file
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
+from smadrive.cli.views.metrics_table import HEADER, table_row
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
 from smadrive.control.references.reference import Reference
@@ -29,11 +29,9 @@ from smadrive.runs.cycling.cycles import CYCLE_HEADER, Cycling, cycle_rows, cycl
 from smadrive.runs.experiments import read_reference, track
 from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop_metrics
+from smadrive.runs.run_metrics import tracking_caveats, tracking_metrics, tripped_loop_metrics
 from smadrive.runs.tracking_plan import RETURN_S, check_reach, plan_tracking
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
-
-HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 
 MOST_CYCLES = 20
 """Largest number of cycles in the table on the terminal; the report and `--json` have more."""
@@ -195,32 +193,3 @@ def _print_metrics(
     output.say(f"log: {log.path}{done}")
     of_cycles = {} if cycling is None else {"cycles": [asdict(one) for one in cycles], "cycles_planned": cycling.total}
     output.result({**asdict(metrics), "caveats": caveats, "tripped": tripped, **of_cycles, **published})
-
-
-def table_row(name: str, metrics: TrackingMetrics) -> tuple[str, ...]:
-    """Return the row of a run in the table of metrics. `HEADER` names the columns."""
-    return (
-        name,
-        _percent(metrics.rms_percent),
-        _percent(metrics.max_percent),
-        str(metrics.trips),
-        str(metrics.missed_deadlines),
-    )
-
-
-def _percent(value: float) -> str:
-    return "unknown" if isnan(value) else f"{value:.2f} %"
-
-
-def model_file(config: RigConfig, option: Path | None) -> Path:
-    """Return the model file that `option` names, or else the model file of the rig. ConfigError if both are missing."""
-    if option is not None:
-        return option
-    if config.model is None:
-        raise ConfigError(
-            "the rig file names no model",
-            where=f"rig '{config.name}'",
-            cure="make one with `smadrive excite` and `smadrive identify`, then give --model FILE, or write "
-            'model = "FILE" into the rig file',
-        )
-    return Path(config.model)

@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from smadrive.cli.live_page import check_bokeh, check_real_time
-from smadrive.cli.options import PAGE_PORT, RigFile
-from smadrive.cli.output import AsJson, Output, make_folder
-from smadrive.cli.publishing import OFF_BY_MQTT, Publish, published
-from smadrive.cli.run import model_file
+from smadrive.cli.live.page import check_bokeh, check_real_time
+from smadrive.cli.live.publishing import OFF_BY_MQTT, Publish, published
+from smadrive.cli.parsing.options import PAGE_PORT, RigFile, model_file
+from smadrive.cli.terminal.output import AsJson, Output, make_folder
 from smadrive.cli.views.tune_view import TuneView, watched
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine

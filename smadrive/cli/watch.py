@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from smadrive.cli.options import PAGE_PORT, RigFile, TraceFolder
-from smadrive.cli.output import Output
-from smadrive.cli.publishing import Publish, each, publishing
-from smadrive.cli.stdout import is_unread
+from smadrive.cli.live.publishing import Publish, each, publishing
+from smadrive.cli.parsing.options import PAGE_PORT, RigFile, TraceFolder
+from smadrive.cli.terminal.output import Output
+from smadrive.cli.terminal.stdout import is_unread
 from smadrive.cli.views.announcement import announce
 from smadrive.cli.views.keyboard import end_interrupt, end_key
 from smadrive.cli.views.watch_view import Extremes, watched_values
@@ -113,7 +113,7 @@ def _check_no_page_option(port: int | None, browser: bool | None) -> None:
 
 
 def _page(rig: Rig, options: _PageOptions, output: Output) -> AbstractContextManager[WatchFeed]:
-    from smadrive.cli.live_page import check_bokeh, watched_on_page  # noqa: PLC0415 (most calls open no page)
+    from smadrive.cli.live.page import check_bokeh, watched_on_page  # noqa: PLC0415 (most calls open no page)
 
     check_bokeh()
     return watched_on_page(rig, options.port, output, browser=options.browser)

@@ -12,7 +12,7 @@ import numpy as np
 import programs
 import pytest
 
-from smadrive.cli.identify import certificate_rows
+from smadrive.cli.views.fit_view import certificate_rows
 from smadrive.control.references.shapes import SHAPES
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.hysteresis.certificate import Certificate

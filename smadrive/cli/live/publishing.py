@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from smadrive.cli.output import Output
+from smadrive.cli.terminal.output import Output
 from smadrive.display.card import count_text
 from smadrive.rig.config import RigConfig
 from smadrive.rig.rig import Record, Rig
