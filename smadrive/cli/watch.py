@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from smadrive.cli.live.publishing import Publish, each, publishing
+from smadrive.cli.live.publishing import Publish, each, run_publication
 from smadrive.cli.parsing.options import PAGE_PORT, RigFile, TraceFolder
 from smadrive.cli.terminal.output import Output
 from smadrive.cli.terminal.stdout import is_unread
@@ -70,14 +70,14 @@ def main(
     try:
         with (
             notes_waiting_guardians(),
-            publishing(publish, config, "watch", output) as stream,
+            run_publication(publish, config, "watch", output) as publication,
             Rig(config, trace_folder=trace) as open_rig,
         ):
-            stream.begin(open_rig)
+            publication.begin(open_rig)
             _check_end(open_rig, length_s)
             _print_latched(open_rig, output)
             with ExitStack() as stack:
-                takers: list[Record] = [extremes.add, *stream.takers]
+                takers: list[Record] = [extremes.add, *publication.takers]
                 if log_file is not None:
                     takers.append(stack.enter_context(record_observation(log_file, open_rig, length_s)).tick)
                     announce(output, log_file, "the observation", length_s, open_rig.clock)
