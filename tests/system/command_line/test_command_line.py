@@ -13,7 +13,7 @@ import programs
 import pytest
 from marks import exhaustive
 
-from smadrive.cli.identify import certificate_rows
+from smadrive.cli.views.fit_view import certificate_rows
 from smadrive.control.references.shapes import SHAPES
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.hysteresis.certificate import Certificate

@@ -7,7 +7,7 @@ import pytest
 from marks import exhaustive
 
 from smadrive.errors import IdentificationError
-from smadrive.tuning.link.samples import COLUMNS
+from smadrive.stream.samples import COLUMNS
 from smadrive.tuning.page.fit import fit_wire, heated_loop
 from smadrive.tuning.page.panel import banner_html, chips_html
 from smadrive.wire.identified_wire import parse_wire
