@@ -209,7 +209,10 @@ class SmaWire:
         flown.add_callback(lambda _motion: servo.takers.remove(take))
 
     def _end(self, servo: Servo) -> None:
-        """End a servo. If its error does not confirm the heater off, switch off once more."""
+        """Stop a servo.
+
+        If it ended with an error that carries no confirmed shutdown, and the rig is open, switch the heater off.
+        """
         with suppress(Exception):
             servo.stop()
         outcome = None if servo.error is None else shutdown_of(servo.error)

@@ -161,8 +161,8 @@ def duhem_branches(
 ) -> tuple[Branch, Branch]:
     """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
-    `steepest` is the largest |a| of dw/dv = a w + b. Raises ModelError for branches that cross if `steepest` is
-    infinite. With a finite `steepest`, branches may cross, because a fit also tries such models.
+    `steepest` is the largest |a| of dw/dv = a w + b. If it is infinite, branches that cross raise ModelError. If it is
+    finite, branches may cross, because a fit also tries such models.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])

@@ -58,7 +58,10 @@ class PlannedTracking:
 
 
 def check_reach(given: Reference, identified: IdentifiedWire) -> None:
-    """Raise ConfigError when the reference leaves the reach of the wire; doubts about the model are its notes."""
+    """Raise ConfigError if the reference leaves the travel of the model.
+
+    The caveats of the wire are added to the error as notes.
+    """
     with _doubts_noted(identified):
         given.check_within(travel_mm(identified.model))
 
