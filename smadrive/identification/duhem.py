@@ -63,9 +63,9 @@ def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band
     count = whole_number(components, "components", "Gaussians per branch", 1, MOST_COMPONENTS, IdentificationError)
     problem, x, fit = _solve(prepare(v, y, dead_band), count)
     errors = problem.standard_errors(x, fit.residual)
-    doubts = undetermined("heating", fit.model.heating, errors.heating)
-    doubts += undetermined("cooling", fit.model.cooling, errors.cooling)
-    figures = {field.name: getattr(fit, field.name) for field in fields(fit)} | {"caveats": fit.caveats + doubts}
+    caveats = undetermined("heating", fit.model.heating, errors.heating)
+    caveats += undetermined("cooling", fit.model.cooling, errors.cooling)
+    figures = {field.name: getattr(fit, field.name) for field in fields(fit)} | {"caveats": fit.caveats + caveats}
     return DuhemFit(**figures, standard_errors=errors)
 
 

@@ -100,7 +100,7 @@ def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetric
 
     ConfigError if the step exceeds a limit of the rig, TripError after a trip.
     """
-    caveats = step_doubts(rig, step)
+    caveats = planned_step_caveats(rig, step)
     controller = step_controller(rig.config, step, rig.nominal_balance)
     with (
         record_step(log_file, rig, step, caveats=json.dumps(caveats)) as recorder,
@@ -109,7 +109,7 @@ def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetric
         return rig.drive(controller, rig.nominal_balance, record)
 
 
-def step_doubts(rig: Rig, step: ManualStep) -> tuple[str, ...]:
+def planned_step_caveats(rig: Rig, step: ManualStep) -> tuple[str, ...]:
     """Return the reasons to distrust a manual step from the present temperature, one sentence each. Nothing is heated.
 
     ConfigError if the step exceeds a limit of the rig.

@@ -56,7 +56,7 @@ class Run:
     """
 
     def __init__(self, log: Log, driven: DrivenRun | None = None, warnings: Iterable[str] = ()) -> None:
-        self._warnings = (*warnings, *(() if driven is None else driven.doubts))
+        self._warnings = (*warnings, *(() if driven is None else driven.caveats))
         self.log = log
         self.controller = None if driven is None else driven.controller
         self._driven = driven

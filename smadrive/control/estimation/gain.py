@@ -109,18 +109,18 @@ class GainsByNoise:
             for level in range(noises)
         ]
 
-    def by_reading(self, read_c: float, doubt: float) -> Correction:
+    def by_reading(self, read_c: float, evidence: float) -> Correction:
         """Return the correction when only the thermocouple is measured; see GainSchedule."""
-        return self._schedules[0].by_reading(read_c, doubt)
+        return self._schedules[0].by_reading(read_c, evidence)
 
-    def by_both(self, slope: float, read_c: float, seen: float, doubt: float, noise: float) -> Correction:
+    def by_both(self, slope: float, read_c: float, seen: float, evidence: float, noise: float) -> Correction:
         """Return the correction for a displacement with the standard deviation `noise`; see GainSchedule."""
         place = min(log(max(noise / self._noise, 1.0)) / log(NOISE_STEP), self._last)
         level = int(place)
-        below = self._schedules[level].by_both(slope, read_c, seen, doubt)
+        below = self._schedules[level].by_both(slope, read_c, seen, evidence)
         if place == level:
             return below
-        above = self._schedules[level + 1].by_both(slope, read_c, seen, doubt)
+        above = self._schedules[level + 1].by_both(slope, read_c, seen, evidence)
         share = place - level
         return Correction(*[low + share * (high - low) for low, high in zip(below, above, strict=True)])
 
@@ -130,7 +130,7 @@ class GainSchedule:
 
     `slope` is the derivative of the phase with respect to the wire temperature, 1/K. The phase is the displacement as a
     share of the travel. `read_c` and `seen` are measured - expected value: `read_c` of the thermocouple in K, `seen` of
-    the phase. `doubt` goes from 0, for the gains in calm air, to 1, for the gains in a disturbance. The larger gains
+    the phase. `evidence` goes from 0, for the gains in calm air, to 1, for the gains in a disturbance. The larger gains
     apply to at most `MOST_NOISES` standard deviations of the noise, because a spike of a sensor is no disturbance. The
     standard deviations of the noise are `noise_c` of the thermocouple, K, and `noise` of the measured phase.
     `phase_noise` is the error of the hysteresis model, the standard deviation of the phase after one second.
@@ -151,31 +151,31 @@ class GainSchedule:
             _reading_gain(balance, period_s, noise_c, process).tolist() for process in (CALM, DISTURBED)
         )
 
-    def by_reading(self, read_c: float, doubt: float) -> Correction:
+    def by_reading(self, read_c: float, evidence: float) -> Correction:
         """Return the correction when only the thermocouple is measured. Shift and phase keep their values.
 
         `read_c` is its measured - expected temperature, K.
         """
-        more_c = doubt * min(max(read_c, -self._most_c), self._most_c)
+        more_c = evidence * min(max(read_c, -self._most_c), self._most_c)
         wire, thermocouple, disturbance = (
             calm * read_c + (disturbed - calm) * more_c
             for calm, disturbed in zip(self._calm_reading, self._disturbed_reading, strict=True)
         )
         return Correction(wire, thermocouple, disturbance, 0.0, 0.0)
 
-    def by_both(self, slope: float, read_c: float, seen: float, doubt: float) -> Correction:
+    def by_both(self, slope: float, read_c: float, seen: float, evidence: float) -> Correction:
         """Return the correction when thermocouple and displacement are measured.
 
         `read_c` is measured - expected temperature of the thermocouple, K. `seen` is measured - expected phase. The
         gains are interpolated between the two tabulated slopes next to `slope`, 1/K.
         """
         calm = self._at(self._calm, slope, read_c, seen)
-        if doubt == 0.0:
+        if evidence == 0.0:
             return Correction(*calm)
         read_c, seen = min(max(read_c, -self._most_c), self._most_c), min(max(seen, -self._most), self._most)
         less, more = (self._at(gains, slope, read_c, seen) for gains in (self._calm, self._disturbed))
         parts = zip(calm, less, more, strict=True)
-        return Correction(*[one + doubt * (high - low) for one, low, high in parts])
+        return Correction(*[one + evidence * (high - low) for one, low, high in parts])
 
     def _at(self, gains: list[JointGain], slope: float, read_c: float, seen: float) -> list[float]:
         """Return the correction by `gains`, which are tabulated over the slope."""

@@ -89,7 +89,7 @@ def identify_memory(
         model, y0, choice = with_memory(record, memory, fit_these)
     fit = judge(model, record, y0)
     figures = {field.name: getattr(fit, field.name) for field in fields(fit)}
-    return MemoryFit(**figures | {"caveats": (*fit.caveats, *choice.doubts)}, memory=choice)
+    return MemoryFit(**figures | {"caveats": (*fit.caveats, *choice.caveats)}, memory=choice)
 
 
 def check_memory(memory: object, error: type[SmadriveError], where: str = "memory") -> None:
@@ -131,13 +131,13 @@ class MemoryChoice:
     `sets` is the number of sets of the last turning point; 1 is no memory. `with_percent` and `without_percent` are the
     RMS errors with and without memory on the held-out loops, which the fits did not see, in % of the output span. They
     are NaN if the number of sets was given, if the record has too few loops, and if a plane alone explains it much
-    worse than rules do. `doubts` are reasons to distrust the choice.
+    worse than rules do. `caveats` are reasons to distrust the choice.
     """
 
     sets: int
     with_percent: float
     without_percent: float
-    doubts: tuple[str, ...] = ()
+    caveats: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -171,11 +171,11 @@ def choose(
     plane = fit_plane(record)
     if record.misfit(*plane) > _HOPELESS * record.misfit(*rules):
         return *rules, MemoryChoice(1, nan, nan)
-    (model, y0), held_out, doubts = _better(record, plane, fit_plane, fit_both)
+    (model, y0), held_out, caveats = _better(record, plane, fit_plane, fit_both)
     without = _held_out(record, fit_rules)
-    if held_out >= (_ONE_SIDED_PAYS if doubts else _MEMORY_PAYS) * without:
+    if held_out >= (_ONE_SIDED_PAYS if caveats else _MEMORY_PAYS) * without:
         return *rules, MemoryChoice(1, held_out, without)
-    return model, y0, MemoryChoice(_sets_of(model, sets), held_out, without, doubts)
+    return model, y0, MemoryChoice(_sets_of(model, sets), held_out, without, caveats)
 
 
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
@@ -184,8 +184,8 @@ def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, 
     `sets` is the number of sets of the last turning point; `fit_rules` fits the rules.
     """
     fit_plane, fit_both = _candidates(record, sets, fit_rules)
-    (model, y0), _, doubts = _better(record, fit_plane(record), fit_plane, fit_both)
-    return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan, doubts)
+    (model, y0), _, caveats = _better(record, fit_plane(record), fit_plane, fit_both)
+    return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan, caveats)
 
 
 def _candidates(record: Record, sets: int, fit_rules: FitRules) -> tuple[Candidate, Candidate]:
@@ -200,9 +200,9 @@ def _candidates(record: Record, sets: int, fit_rules: FitRules) -> tuple[Candida
 def _better(
     record: Record, plane: tuple[Model, float], fit_plane: Candidate, fit_both: Candidate
 ) -> tuple[tuple[Model, float], float, tuple[str, ...]]:
-    """Return the better candidate with memory, fitted, its held-out error in % of the output span, and doubts about it.
+    """Return the better fitted candidate with memory, its held-out error in % of the output span, and its caveats.
 
-    `plane` is what `fit_plane` returned for the whole record. On a one-sided record the plane alone is better.
+    `plane` is the result of `fit_plane` for the whole record. On a one-sided record the plane alone is better.
     """
     held_out = _held_out(record, fit_plane)
     if not _shows_heating_inside(record):

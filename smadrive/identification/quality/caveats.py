@@ -59,5 +59,5 @@ def undetermined(branch: str, mixture: GaussianMixture, errors: MixtureErrors) -
     weight, error = min(zip(mixture.weights, errors.weights, strict=True), key=lambda one: one[0] / max(one[1], 1e-12))
     if weight >= 2 * error:
         return ()
-    doubt = f"a weight of {weight:.2f} is known to ±{2 * error:.2g} only; use fewer components, or record inner loops"
-    return (f"the record does not determine the {count} Gaussians of the {branch} branch: {doubt}",)
+    advice = f"a weight of {weight:.2f} is known to ±{2 * error:.2g} only; use fewer components, or record inner loops"
+    return (f"the record does not determine the {count} Gaussians of the {branch} branch: {advice}",)

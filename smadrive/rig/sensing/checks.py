@@ -45,7 +45,7 @@ def check_sensing(
             "`smadrive identify` says why if the resistance cannot be used",
         )
     _check_measured(source)
-    return *_resolution_doubts(source, wire, wire.resistance), *_lead_doubts(wire, wire.resistance, temperature_c)
+    return *_resolution_caveats(source, wire, wire.resistance), *_lead_caveats(wire, wire.resistance, temperature_c)
 
 
 def _check_measured(source: PlannedDevice) -> None:
@@ -66,7 +66,7 @@ def resolution(profile: Profile) -> tuple[float, float]:
     return current_a, voltage_v
 
 
-def _resolution_doubts(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
+def _resolution_caveats(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
     error = resolution_error(wire, resistance, *resolution(source.profile))
     if error > TOO_COARSE:
         raise ConfigError(
@@ -91,7 +91,7 @@ def resolution_error(wire: WireModel, resistance: WireResistance, quantum_a: flo
     return share * ohm / abs(resistance.ohm_per_phase(temperature_c, 0.5))
 
 
-def _lead_doubts(wire: WireModel, resistance: WireResistance, temperature_c: float) -> tuple[str, ...]:
+def _lead_caveats(wire: WireModel, resistance: WireResistance, temperature_c: float) -> tuple[str, ...]:
     """Return what limits the displacement by the resistance, and a warning if the leads cannot be measured."""
     texts = lost_text(wire, resistance)
     if temperature_c < cold_c(wire, resistance):

@@ -99,7 +99,7 @@ class OwnController:
         return numbers
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def caveats(self) -> tuple[str, ...]:
         """One sentence about the effect of a slow `update`, in real time or on a real rig; empty for a fast one."""
         pace = self._pace
         if self.slowest_s <= (pace.longest_s if pace.is_virtual else pace.period_s):

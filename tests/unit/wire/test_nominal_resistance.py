@@ -31,9 +31,9 @@ def test_resistivity_of_other_alloys_is_accepted(resistance_ohm_per_m):
 
 
 @pytest.mark.parametrize(
-    ("share", "doubts"), [(1.0, 0), (0.9, 0), (1.4, 0), (0.4, 1), (RESISTANCE_FACTOR * 1.1, 1), (nan, 0)]
+    ("share", "count"), [(1.0, 0), (0.9, 0), (1.4, 0), (0.4, 1), (RESISTANCE_FACTOR * 1.1, 1), (nan, 0)]
 )
-def test_measured_resistance_far_from_the_data_sheet_is_a_caveat(share, doubts):
+def test_measured_resistance_far_from_the_data_sheet_is_a_caveat(share, count):
     caveats = resistance_caveats(share * NOMINAL_OHM, SHEET.heat_balance())
-    assert len(caveats) == doubts
+    assert len(caveats) == count
     assert all("resistance_ohm_per_m" in text and "16.5 Ω" in text for text in caveats)
