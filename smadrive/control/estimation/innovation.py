@@ -19,10 +19,10 @@ from __future__ import annotations
 from math import exp, hypot, sqrt
 from typing import NamedTuple
 
-READ_WEIGHT, SEEN_WEIGHT = 0.3, 0.5
+READ_WEIGHT, PHASE_WEIGHT = 0.3, 0.5
 """Weight λ of the latest innovation: of the thermocouple, and of the displacement, which has less noise."""
 
-READ_SPREAD, SEEN_SPREAD = 1.1, 1.5
+READ_SPREAD, PHASE_SPREAD = 1.1, 1.5
 """Standard deviation σ of the innovations, divided by that of the sensor's noise; the model has an error, too."""
 
 LAG_SHARE = 0.03
@@ -31,7 +31,7 @@ LAG_SHARE = 0.03
 The gap is the difference between wire and thermocouple. A fast heating makes it tens of kelvin, and is no disturbance.
 """
 
-READ_THRESHOLDS, SEEN_THRESHOLDS = (3.5, 7.0), (2.5, 5.0)
+READ_THRESHOLDS, PHASE_THRESHOLDS = (3.5, 7.0), (2.5, 5.0)
 """The level is 0 up to the first, and 1 from the second on, in standard deviations of the mean."""
 
 HOLD_S = 1.0
@@ -47,13 +47,13 @@ At a larger integral the level is 0.
 class DisturbanceEvidence(NamedTuple):
     """The state of the test.
 
-    `read_c` is the mean innovation of the thermocouple in K, `seen` that of the displacement as a share of the travel.
+    `read_c` is the mean innovation of the thermocouple in K, `phase` that of the displacement as a share of the travel.
     `level` is 0 while the innovations look like noise, and 1 for a certain disturbance. `spent_s` is the integral of
     the level over time, which is forgotten slowly.
     """
 
     read_c: float = 0.0
-    seen: float = 0.0
+    phase: float = 0.0
     level: float = 0.0
     spent_s: float = 0.0
 
@@ -69,7 +69,7 @@ class InnovationTest:
         self._period_s = period_s
         self._decay, self._forget = exp(-period_s / HOLD_S), exp(-period_s / FORGET_S)
         self._read_c = READ_SPREAD * noise_c * sqrt(READ_WEIGHT / (2.0 - READ_WEIGHT))
-        self._seen = SEEN_SPREAD * noise * sqrt(SEEN_WEIGHT / (2.0 - SEEN_WEIGHT))
+        self._phase = PHASE_SPREAD * noise * sqrt(PHASE_WEIGHT / (2.0 - PHASE_WEIGHT))
 
     def by_reading(self, before: DisturbanceEvidence, read_c: float, gap_c: float) -> DisturbanceEvidence:
         """Return the state after the innovation `read_c` of the thermocouple, K.
@@ -79,12 +79,14 @@ class InnovationTest:
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
         return self._limited(before, mean_c, 0.0, self._of_reading(mean_c, gap_c))
 
-    def by_both(self, before: DisturbanceEvidence, read_c: float, gap_c: float, seen: float) -> DisturbanceEvidence:
+    def by_both(
+        self, before: DisturbanceEvidence, read_c: float, gap_c: float, phase_error: float
+    ) -> DisturbanceEvidence:
         """Return the state after the innovations of thermocouple, K, and displacement, share of the travel."""
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
-        mean = before.seen + SEEN_WEIGHT * (seen - before.seen)
-        of_seen = _grown(abs(mean) / self._seen, SEEN_THRESHOLDS)
-        return self._limited(before, mean_c, mean, max(self._of_reading(mean_c, gap_c), of_seen))
+        mean = before.phase + PHASE_WEIGHT * (phase_error - before.phase)
+        of_phase = _grown(abs(mean) / self._phase, PHASE_THRESHOLDS)
+        return self._limited(before, mean_c, mean, max(self._of_reading(mean_c, gap_c), of_phase))
 
     def _of_reading(self, mean_c: float, gap_c: float) -> float:
         return _grown(abs(mean_c) / hypot(self._read_c, LAG_SHARE * gap_c), READ_THRESHOLDS)

@@ -194,12 +194,14 @@ class WireObserver:
         the temperature, but the model makes no step: the correction of the phase already contains the effect of the
         temperature.
         """
-        seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
+        phase_error = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
         gap_c = expected.temperature_c - expected.thermocouple_c
-        evidence = self._test.by_both(expected.evidence, read_c, gap_c, seen * min(self._noise_mm / noise_mm, 1.0))
+        evidence = self._test.by_both(
+            expected.evidence, read_c, gap_c, phase_error * min(self._noise_mm / noise_mm, 1.0)
+        )
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
         wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(
-            slope, read_c, seen, evidence.level, noise_mm / abs(self._wire.travel_mm)
+            slope, read_c, phase_error, evidence.level, noise_mm / abs(self._wire.travel_mm)
         )
         limited_c = min(max(expected.shift_c + shift_c, -MOST_SHIFT_C), MOST_SHIFT_C)
         shift_c = limited_c - expected.shift_c

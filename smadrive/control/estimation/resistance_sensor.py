@@ -27,7 +27,7 @@ from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 AVERAGED = 10.0
-"""Number of samples over which the observer averages about."""
+"""Number of samples over which the observer averages, approximately."""
 
 SLOW_C_PER_S, FAST_C_PER_S = 12.0, 25.0
 """Rate of the cold wire while its leads are measured, K/s, and the rate from which its temperature is not certain."""
@@ -36,14 +36,14 @@ MOST_NOISE = 0.3
 """A displacement with a larger standard deviation, in strokes, is not used."""
 
 
-class SeenDisplacement(NamedTuple):
+class DisplacementReading(NamedTuple):
     """A displacement and its standard deviation, mm. Both are NaN without a measurement."""
 
     mm: float
     noise_mm: float
 
 
-UNSEEN = SeenDisplacement(nan, nan)
+NO_READING = DisplacementReading(nan, nan)
 
 
 class ResistanceSensor:
@@ -71,7 +71,7 @@ class ResistanceSensor:
         measurement: Measurement,
         before: WireEstimate,
         ahead: WireEstimate,
-        sensor: SeenDisplacement,
+        sensor: DisplacementReading,
         dt_s: float,
     ) -> LeadChange:
         """Return the estimate of the leads after a measurement.
@@ -98,24 +98,25 @@ class ResistanceSensor:
 
     def displacement(
         self, lead: LeadChange, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
-    ) -> SeenDisplacement:
+    ) -> DisplacementReading:
         """Return the displacement by the resistance, for the arguments of `lead`.
 
-        It is unseen without current, with too much noise, and while the wire is cold: its phase is known then.
+        There is no reading without current, with too much noise, and while the wire is cold, because its phase is 0
+        then.
         """
         resistance, temperature_c, wire = self._resistance, ahead.temperature_c, self._wire
         start = wire.phase(ahead.hysteresis)
         slope = resistance.ohm_per_phase(temperature_c, start)
         ohm = self._ohm(measurement, before, ahead, slope, dt_s)
         if not isfinite(ohm) or slope == 0.0 or self.is_cold(before):
-            return UNSEEN
+            return NO_READING
         lead_ohm, lead_variance = lead.estimate()
         phase = resistance.phase(ohm - lead_ohm, temperature_c, start)
         constant = lead_variance + resistance.error_ohm**2 + (self._ohm_per_k * TEMPERATURE_C) ** 2
         noise = sqrt((resistance.noise_v / measurement.current_a) ** 2 + AVERAGED * constant) / abs(slope)
         if not noise < MOST_NOISE or not isfinite(phase):
-            return UNSEEN
-        return SeenDisplacement(wire.cold_mm + wire.travel_mm * phase, noise * abs(wire.travel_mm))
+            return NO_READING
+        return DisplacementReading(wire.cold_mm + wire.travel_mm * phase, noise * abs(wire.travel_mm))
 
     def is_cold(self, before: WireEstimate) -> bool:
         """Return True if the wire is martensite after any history."""
