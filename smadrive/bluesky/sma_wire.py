@@ -15,7 +15,7 @@ from typing import Any
 
 from smadrive.bluesky.readings import Readings, WireSample
 from smadrive.bluesky.settings import SmaWireSettings
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, MotionError

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from smadrive.clock import Clock
-from smadrive.control.controllers.temperature import Command, Controller
+from smadrive.control.controllers.interface import Command, Controller
 from smadrive.errors import (
     DeviceError,
     ExceptionReply,

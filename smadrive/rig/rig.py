@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Self
 
 from smadrive.clock import Clock
-from smadrive.control.controllers.temperature import Controller
+from smadrive.control.controllers.interface import Controller
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.loop import ControlLoop, LoopMetrics, StopRequested, Tick, never
 from smadrive.control.references.reference import Reference

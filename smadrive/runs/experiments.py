@@ -10,8 +10,8 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
+from smadrive.control.controllers.interface import Command, Controller
 from smadrive.control.controllers.step import ManualStep
-from smadrive.control.controllers.temperature import Command, Controller
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.loop import LoopMetrics, StopRequested, Tick, never
 from smadrive.control.references.reference import Reference

@@ -16,7 +16,7 @@ import numpy as np
 from smadrive.campaigns.experiments.identification import WireKnowledge
 from smadrive.campaigns.plan.config import FitConfig
 from smadrive.campaigns.plan.plan import PlannedRun
-from smadrive.control.controllers.temperature import Command, Controller
+from smadrive.control.controllers.interface import Command, Controller
 from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse, StaticMap
 from smadrive.control.references.reference import Reference

@@ -17,7 +17,7 @@ from math import inf, isfinite, sqrt
 from typing import NamedTuple
 
 from smadrive.control.controllers.feedback import INTEGRATED_C, PIGains, TemperatureFeedback
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.trim import DisplacementTrim
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
 from smadrive.control.estimation.resistance_sensor import DisplacementReading, ResistanceSensor

@@ -14,8 +14,8 @@ from itertools import islice
 from math import inf
 from typing import Protocol
 
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.swappable import SwappableController
-from smadrive.control.controllers.temperature import Command
 from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.loop import Tick

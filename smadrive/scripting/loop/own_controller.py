@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, nullcontext
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.errors import ConfigError, ControllerError
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number

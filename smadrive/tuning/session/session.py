@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from math import isfinite
 
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.swappable import SwappableController
-from smadrive.control.controllers.temperature import Command
 from smadrive.control.loop import Tick
 from smadrive.control.references.holding import holding_reference
 from smadrive.control.references.reference import Reference

@@ -6,7 +6,7 @@ import pytest
 from gateway import Gateway
 from served import SIM, served
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import DeadlineError

@@ -6,7 +6,7 @@ from math import inf, isnan, nan
 import numpy as np
 import pytest
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.errors import ConfigError, ControllerError
 from smadrive.measurement import Measurement
 from smadrive.scripting.loop.own_controller import OwnController, Pace, check_controller
