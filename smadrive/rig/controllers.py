@@ -20,7 +20,7 @@ from smadrive.identification.excitation_plans import planned_excitation
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import ExcitationConfig, RigConfig
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.resistance import WireResistance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 EXCITATION_SLOWER = 2.0

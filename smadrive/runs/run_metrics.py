@@ -14,7 +14,7 @@ from smadrive.control.loop import LATE_FRACTION, LoopMetrics
 from smadrive.errors import DataError
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_metadata import nominal_balance, reference_of, rig_config_of, step_of, wire_of
-from smadrive.wire.nominal_resistance import resistance_caveats
+from smadrive.wire.data_sheet import resistance_caveats
 from smadrive.wire.wire_model import travel_mm
 
 Array = NDArray[np.float64]

@@ -4,7 +4,7 @@ Along a branch the temperature changes together with the phase ξ, so R(T(ξ), �
 temperature coefficients or of an R-phase. Then one resistance belongs to two displacements of the branch. The
 thermocouple tells these apart, but the resistance alone does not: this band is lost to it.
 
-At a known temperature the standard deviation of one sample is σ_U / (I |dR/dξ|) strokes; see resistance.py.
+At a known temperature the standard deviation of one sample is σ_U / (I |dR/dξ|) strokes; see identified_resistance.py.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.wire.resistance import WireResistance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 Array = NDArray[np.float64]

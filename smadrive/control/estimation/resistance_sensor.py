@@ -1,8 +1,8 @@
 """The resistance of the wire as a displacement sensor.
 
 The measured U/I, without the change of the leads (lead.py), gives the phase at the estimated temperature
-(wire/resistance.py), and so the displacement. Its standard deviation σ_d contains the noise of voltage and current, and
-the errors that do not average out: those of the leads, of the fit and of the temperature.
+(wire/identified_resistance.py), and so the displacement. Its standard deviation σ_d contains the noise of voltage and
+current, and the errors that do not average out: those of the leads, of the fit and of the temperature.
 
     σ_d² = travel² [ (σ_U/I)² + N (σ_δ² + σ_fit² + (dR/dT σ_T)²) ] / (dR/dξ)²
 
@@ -22,8 +22,8 @@ from typing import NamedTuple
 from smadrive.control.estimation.lead import TEMPERATURE_C, LeadChange
 from smadrive.control.estimation.observer import WireEstimate
 from smadrive.measurement import Measurement
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import COLD_PHASE, cold_c, sense_current
-from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 AVERAGED = 10.0

@@ -2,10 +2,10 @@
 
     U/I = (1 - e ξ)² [(1 - ξ) f(T) + ξ g(T)] - τ dR/dt + noise / I
 
-The equation is linear in the parameters of f and g for a given contraction e (see wire/resistance.py). So the fit is a
-weighted linear least-squares problem inside a search for e (variable projection; Golub and Pereyra, SIAM J. Numer.
-Anal. 10, 1973). The noise of U/I falls with the current, so the weight of a sample is its current. The nodes of g are
-as close as an R-phase needs. Penalties on the bends of g draw g to a straight line.
+The equation is linear in the parameters of f and g for a given contraction e (see wire/identified_resistance.py). So
+the fit is a weighted linear least-squares problem inside a search for e (variable projection; Golub and Pereyra, SIAM
+J. Numer. Anal. 10, 1973). The noise of U/I falls with the current, so the weight of a sample is its current. The nodes
+of g are as close as an R-phase needs. Penalties on the bends of g draw g to a straight line.
 
 The contraction has a small effect, so the fit ties it to that of usual actuator wire. The strength of the straight line
 is chosen by generalised cross-validation (Golub, Heath and Wahba, Technometrics 21, 1979): a wire without an R-phase
@@ -33,7 +33,7 @@ from smadrive.identification.resistance_fit.design import (
     fitted,
     resistance_design,
 )
-from smadrive.wire.resistance import WireResistance, spline_design
+from smadrive.wire.identified_resistance import WireResistance, spline_design
 from smadrive.wire.wire_model import WireModel
 
 Array = NDArray[np.float64]

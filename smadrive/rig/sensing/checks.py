@@ -16,8 +16,8 @@ from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.planned_device import PlannedDevice
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import branch_of, cold_c, lost_text
-from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 KEY = "displacement_from"

@@ -6,8 +6,7 @@ import pytest
 
 from smadrive.errors import ConfigError
 from smadrive.files.config import validate
-from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
-from smadrive.wire.nominal_resistance import RESISTANCE_FACTOR, resistance_caveats
+from smadrive.wire.data_sheet import RESISTANCE_FACTOR, WireDataSheet, load_data_sheet, resistance_caveats
 
 SHEET = load_data_sheet("flexinol-lt-0.15mm")
 NOMINAL_OHM = 16.5

@@ -15,6 +15,8 @@ voltage with σ_V, give
 
 A device samples (or averages) current and voltage before it answers. So U/I is the resistance a delay ago, about half
 a period of an averaging device.
+
+`WireModel.resistance_ohm` takes this model, or for a wire without it the coarser R(w) of heat_balance.py.
 """
 
 from __future__ import annotations
