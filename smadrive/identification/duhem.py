@@ -22,7 +22,7 @@ from smadrive.hysteresis.branch.engine import BranchEngine
 from smadrive.hysteresis.duhem import DuhemModel, duhem_branches, grid_logs
 from smadrive.hysteresis.mixture import MOST_COMPONENTS, GaussianMixture, MixtureLogs
 from smadrive.identification.quality.caveats import undetermined
-from smadrive.identification.quality.fit import Fit, judge
+from smadrive.identification.quality.metrics import Fit, judge
 from smadrive.identification.quality.uncertainty import DuhemErrors, MixtureErrors, standard_errors
 from smadrive.identification.record import Record, prepare
 from smadrive.numerics.levenberg_marquardt import Minimum, forward_differences, minimise

@@ -32,7 +32,7 @@ from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_excitation_time, check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, excitation_path, tracking_controller
 from smadrive.rig.plan import plan_rig
-from smadrive.rig.sensing.checks import check_sensing
+from smadrive.rig.sensing_checks import check_sensing
 from smadrive.rig.supervision import supervisor
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe

@@ -24,7 +24,7 @@ from smadrive.errors import IdentificationError, SmadriveError
 from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import fit_duhem
 from smadrive.identification.memory.candidates import FitRules, Model, plane_alone, rules_and_plane
-from smadrive.identification.quality.fit import Fit, judge
+from smadrive.identification.quality.metrics import Fit, judge
 from smadrive.identification.record import Record, prepare
 from smadrive.identification.tsfuzzy.fit import fit_rules
 from smadrive.numerics.scalars import whole_number

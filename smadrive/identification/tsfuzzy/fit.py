@@ -25,8 +25,8 @@ import numpy as np
 from smadrive.errors import IdentificationError
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 from smadrive.identification.duhem import fit_duhem
-from smadrive.identification.quality.fit import Fit, judge
 from smadrive.identification.quality.leave_one_out import CONFIRMED
+from smadrive.identification.quality.metrics import Fit, judge
 from smadrive.identification.record import Record, prepare
 from smadrive.identification.tsfuzzy.monotone import monotone
 from smadrive.identification.tsfuzzy.prior import Prior

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from smadrive.hysteresis.duhem import DuhemModel
-from smadrive.identification.quality.fit import Fit
+from smadrive.identification.quality.metrics import Fit
 from smadrive.identification.record import Record
 from smadrive.numerics.arrays import FloatArray
 

@@ -1,4 +1,4 @@
-"""Can the resistance replace the displacement sensor on this rig? Checked before the wire is heated.
+"""Checks, before the wire is heated, whether the resistance can replace the displacement sensor on this rig.
 
 The device that heats must measure current and voltage. Its resolution limits the displacement: a quantum q makes an
 error of up to q/2, and while the current is steady, this error does not average out. In the middle of the cooling
