@@ -17,8 +17,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 ROUNDING = 1e-9
 MOST_TURNED = 0.2  # share of the travel; a saturated wire reverses by a tenth, because it expands with heat
 
@@ -66,7 +64,3 @@ class Certificate:
         if self.turned_share > MOST_TURNED:
             found.append(f"a branch reverses by {100 * self.turned_share:.0f} % of the travel")
         return tuple(found)
-
-    def forgetting_travel(self, factor: float) -> float:
-        """Return the travel of v that reduces the effect of an unknown initial state to `factor`, in the unit of v."""
-        return float(np.log(1 / factor) / self.contraction_rate) if self.contracting else float("inf")

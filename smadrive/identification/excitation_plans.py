@@ -80,19 +80,6 @@ def planned_excitation(
     return Excitation(points, rate_c_per_s, plan)
 
 
-def nested_reversals(
-    low_c: float, high_c: float, rate_c_per_s: float, start_c: float, *, major_loops: int = 2, reversals: int = 5
-) -> Excitation:
-    """Return the path of an excitation: `major_loops` full loops, then shrinking inner loops.
-
-    The path begins at `start_c`, the present temperature of the wire. After the full loops it makes `reversals` inner
-    loops that it enters from `low_c`, then as many that it enters from `high_c`. ConfigError if `high_c` does not
-    exceed `low_c`.
-    """
-    _check_range(low_c, high_c)
-    return Excitation(_nested(low_c, high_c, start_c, reversals, major_loops), rate_c_per_s, "nested")
-
-
 def _check_range(low_c: float, high_c: float) -> None:
     if not high_c > low_c:
         raise ConfigError("must exceed low_c", where="excitation.high_c", value=high_c, limit=low_c)
@@ -120,8 +107,9 @@ def _most_reversals(
     return fitting[-1]
 
 
-def _nested(low_c: float, high_c: float, start_c: float, reversals: int, major_loops: int = 2) -> tuple[float, ...]:
-    points = [start_c, *[high_c, low_c] * major_loops]
+def _nested(low_c: float, high_c: float, start_c: float, reversals: int) -> tuple[float, ...]:
+    """Return the turning points of two full loops, then inner loops that shrink: from `low_c`, then from `high_c`."""
+    points = [start_c, *[high_c, low_c] * 2]
     middle_c = 0.5 * (low_c + high_c)
     shrinking = [(high_c - middle_c) * (reversals - n) / (reversals + 1) for n in range(reversals)]
     for half_c in shrinking:

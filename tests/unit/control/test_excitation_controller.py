@@ -8,12 +8,12 @@ import pytest
 from smadrive.control.controllers.excitation import LAGS_C, STALLS_S, ExcitationController
 from smadrive.control.controllers.feedback import PIGains
 from smadrive.errors import IdentificationError
-from smadrive.identification.excitation_plans import nested_reversals
+from smadrive.identification.excitation_plans import planned_excitation
 from smadrive.measurement import Measurement
 from smadrive.wire.heat_balance import HeatBalance
 
 NOMINAL = HeatBalance(0.0286, 0.014, 0.83, 22.0, 16.5, -0.1, 0.1)
-EXCITATION = nested_reversals(40.0, 120.0, 6.0, start_c=22.0)
+EXCITATION = planned_excitation("nested", 40.0, 120.0, 6.0, start_c=22.0)
 DT_S = 0.05
 
 
