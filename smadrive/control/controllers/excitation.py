@@ -21,7 +21,8 @@ STALLS_S = 30.0
 ENVELOPE = 2.0
 """The largest power of an excitation, as a multiple of the power that its path needs by the data sheet.
 
-For an unknown wire a failing thermocouple is detected later. This limit makes the wire overheat more slowly.
+A failing thermocouple is detected later on an unknown wire than on an identified one. With this limit the wire
+overheats more slowly until then.
 """
 
 

@@ -32,16 +32,16 @@ DISPLACEMENT_NOISE = 0.001
 """Assumed standard deviation of the noise of a displacement sensor, in strokes."""
 
 FASTER = 2.5
-"""With a measured displacement the time constant of the closed loop is shorter by this factor.
+"""With a measured displacement the time constant of the closed loop is divided by this factor.
 
-The estimate then has less noise than without a measured displacement.
+This is possible because the estimate then has less noise.
 """
 
 SHORTEST_PERIODS = 2.0
-"""It has at least this many periods of the loop."""
+"""Shortest time constant of the closed loop with a measured displacement, in periods of the loop."""
 
 INTEGRATED_WITH_OBSERVER_C = 0.1
-"""With the whole feedforward, the integral counts an error up to ± this value, K.
+"""With `feedforward_share` = 1, the integral counts an error up to ± this value, K.
 
 The observer then compensates the errors of the heat balance, and the integral would only overshoot after a large error.
 """
@@ -157,8 +157,8 @@ class TrackingController:
     def _integral_w(self, before: TrackingController, temperature_c: float) -> float:
         """Return the integral with which the feedback continues, W.
 
-        With another share of the feedforward it is the power that this share leaves to the integral at `temperature_c`:
-        the integral of `before` would be wrong for as long as the integral time.
+        It is the integral of `before` if both controllers use the same share of the feedforward. Otherwise it is the
+        power that the new share leaves to the integral at `temperature_c`.
         """
         if before._share == self._share:
             return before._feedback.integral_w

@@ -61,7 +61,10 @@ PHASE_NOISE = 0.003
 """Error of the hysteresis model: standard deviation of the phase after one second."""
 
 SLOW_PHASE_NOISE = 0.001
-"""The same for a noisy displacement. It is smaller, because over seconds the errors of the model cancel in part."""
+"""The same for a displacement with more noise than the smallest.
+
+It is smaller, because the filter then averages over seconds, in which the errors of the model cancel in part.
+"""
 
 SHIFT_S = 1000.0
 """The shift decays with this time constant, s. Without a decay the Riccati equation has no stationary solution."""
@@ -95,7 +98,7 @@ class Correction(NamedTuple):
 
 
 class GainsByNoise:
-    """Gain schedules for several noises of the measured displacement, because that by the resistance varies.
+    """Gain schedules for several noises of the displacement, because the noise of the resistance varies.
 
     `noise` is the smallest noise, in shares of the travel. There are `noises` schedules; each has `NOISE_STEP` times
     the noise of the schedule before. Between two noises the corrections are interpolated over the logarithm of the

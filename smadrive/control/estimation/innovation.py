@@ -82,7 +82,11 @@ class InnovationTest:
     def by_both(
         self, before: DisturbanceEvidence, read_c: float, gap_c: float, phase_error: float
     ) -> DisturbanceEvidence:
-        """Return the state after the innovations of thermocouple, K, and displacement, share of the travel."""
+        """Return the state after an innovation of the thermocouple and one of the displacement.
+
+        `read_c` is that of the thermocouple, K, `phase_error` that of the displacement, as a share of the travel.
+        `gap_c` is the difference between the temperatures of wire and thermocouple, K.
+        """
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
         mean = before.phase + PHASE_WEIGHT * (phase_error - before.phase)
         of_phase = _grown(abs(mean) / self._phase, PHASE_THRESHOLDS)

@@ -38,7 +38,7 @@ It is less than 1, because a predicted temperature has less noise than a reading
 """
 
 BLIND_NOISES = 1.0
-"""The same without a measured displacement: the step then ends at a corrected temperature, which has more noise."""
+"""The same without a measured displacement. The step then ends at a corrected temperature, which has more noise."""
 
 DRAFT_SHARE = 0.1
 """An unexplained power of more than this share of the heat loss is a draft, and changes in proportion to the loss."""
@@ -50,7 +50,7 @@ The thermocouple alone cannot tell a draft from a bead that comes off. More powe
 """
 
 NOISES = 5
-"""Number of noises of the displacement by the resistance: up to 256 times the noise of a sensor."""
+"""Number of noises with solved gains if the resistance is identified; the largest is 256 times the smallest."""
 
 MOST_SHIFT_C = 10.0
 """Largest shift of the transformation by a changed load, K: about 75 MPa.

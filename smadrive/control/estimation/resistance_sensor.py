@@ -9,7 +9,8 @@ current, and the errors that do not average out: those of the leads, of the fit 
 The observer averages about N = `AVERAGED` samples. A constant error counts N times, because the observer must not take
 N samples with the same error for a better one.
 
-U/I is old by the delay of the identified resistance. So the rate of the predicted resistance is added for this time.
+U/I is the resistance a delay ago (wire/identified_resistance.py). So the change that the model predicts for this delay
+is added.
 
 While the wire cools, a sense current keeps the resistance observable (wire/observability.py).
 """
@@ -30,7 +31,10 @@ AVERAGED = 10.0
 """Number of samples over which the observer averages, approximately."""
 
 SLOW_C_PER_S, FAST_C_PER_S = 12.0, 25.0
-"""Rate of the cold wire while its leads are measured, K/s, and the rate from which its temperature is not certain."""
+"""Limits for the measurement of the leads of a cold wire, K/s.
+
+The current may heat the wire at the first rate. At a larger rate than the second, no sample counts.
+"""
 
 MOST_NOISE = 0.3
 """A displacement with a larger standard deviation, in strokes, is not used."""
