@@ -17,10 +17,10 @@ SPANS_MM = (0.1, 1000.0)
 """Smallest and largest usual span of a displacement. Wires are a few mm to 20 m long, and move by a few percent."""
 
 COLDEST_HEATED_C = 40.0
-"""A record of a heated wire in °C goes above this temperature; a displacement that was taken for it often does not."""
+"""The temperature of a heated wire in °C exceeds this value. A displacement often stays below it."""
 
 FAR_MM = 10.0
-"""A displacement usually begins near 0. Temperatures that were taken for it are all above this value."""
+"""A displacement usually begins near 0. Temperatures always exceed this value."""
 
 STRAINS = (0.001, 0.1)
 """Strokes over lengths: a wire in use moves by 2 to 5 % of its length; nickel-titanium recovers 8 % at most."""

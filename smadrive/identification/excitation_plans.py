@@ -33,13 +33,16 @@ from smadrive.errors import ConfigError
 from smadrive.identification.excitation import Excitation, path_length_k
 
 FOOT_SHARE = 0.25
-"""This part of the range, at its foot for M_k and at its head for m_k, has no reversals."""
+"""Share of the range without reversals: the lowest part has no M_k, and the highest part has no m_k."""
 
 FALLING_PER_RISING = 3
 """The number of falling curves for each rising curve."""
 
 MOST_REVERSALS = 40
-"""The largest number of reversals that is planned for a time. More reversals are closer than the wire is controlled."""
+"""The largest number of reversals that is planned for a time.
+
+With more reversals, the distance between two neighbours would be below the error of the control.
+"""
 
 
 class ExcitationPlan(NamedTuple):

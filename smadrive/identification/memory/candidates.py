@@ -19,7 +19,7 @@ from smadrive.identification.record import Record, prepare
 from smadrive.numerics.arrays import FloatArray
 
 COARSE = 28
-"""Thresholds of the plane while the output of the rules beside it is sought."""
+"""Number of thresholds on each axis of the plane while the output is divided between rules and plane."""
 
 SMOOTHNESS = 0.002
 """Weight of the prior of the densities."""

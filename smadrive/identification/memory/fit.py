@@ -1,4 +1,4 @@
-"""How much memory a record supports: candidates are compared on loops that are held out of the fit.
+"""The choice of a model with or without memory, by loops of the record that are held out of the fit.
 
 There are three candidates: rules without memory, a Preisach plane alone, and both in parallel. Each is fitted twice,
 and each time another third of the loops is held out. These loops keep their places in the path of the input, because
@@ -39,7 +39,7 @@ THIRDS = (1, 2)
 """The thirds of the loops that are held out in turn. The first third is always fitted: it has the major loop."""
 
 LEAST_LOOPS = 6
-"""Loops of a record that can tell whether the wire has memory."""
+"""Smallest number of loops from which the memory of a wire can be judged."""
 
 Candidate = Callable[[Record], tuple[Model, float]]
 """A function that fits a candidate to a record. It returns the model with its output at the first sample."""
@@ -57,7 +57,10 @@ _ONE_SIDED = (
 _UNSEEN = 1e-6  # weight of a sample that is held out
 
 NOTHING_LEFT = 0.2
-"""RMS error of the rules, % of the output span, that leaves nothing for memory to explain; or the noise, if larger."""
+"""Rules with at most this RMS error, % of the output span, explain the record without memory.
+
+If the noise is larger, it is the limit.
+"""
 
 FEWEST_TURNING_POINT_SETS = 4
 """The smallest number of sets of the last turning point of a model with memory."""

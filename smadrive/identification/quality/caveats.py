@@ -1,7 +1,7 @@
 """Reasons to distrust an identified model, one sentence each.
 
-A certificate is about the rules of a model. A certified model can still be wrong about the wire: it may fail to
-reproduce the record, or it may guess the output in a gap of the record. The metrics alone do not show this.
+A certificate proves properties of the rules of a model. A certified model can still be wrong about the wire: it may
+fail to reproduce the record, or its output in a gap of the record may be arbitrary. The metrics alone do not show this.
 """
 
 from __future__ import annotations

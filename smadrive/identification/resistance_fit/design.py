@@ -57,7 +57,7 @@ class LinearFit(NamedTuple):
 
     `residual_v` is weighted with the current. `inverse` is the inverse of the normal matrix. `matrix` maps the
     parameters to the resistances. `freedom` is the number of parameters that the penalty leaves free. `cost_v2` is the
-    sum of squares, with that of the tied contraction.
+    sum of squares, including the term of the contraction.
     """
 
     parameters: Array
