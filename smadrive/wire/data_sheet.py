@@ -4,8 +4,8 @@
 has about 0.8 µΩ·m, copper-based shape-memory alloys have about 0.1 µΩ·m, copper itself has 0.017 µΩ·m. A resistivity
 outside `RESISTIVITIES_UOHM_M` is a mistyped number.
 
-**Measurement.** The measured resistance includes leads and clamps. It differs from the data sheet by some tenths, not
-by `RESISTANCE_FACTOR`.
+**Measurement.** The measured resistance includes leads and clamps. A difference from the data sheet by more than the
+factor `RESISTANCE_FACTOR` means a wrong wire file.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def load_data_sheet(name: str) -> WireDataSheet:
 
 
 def resistivity_uohm_m(diameter_mm: float, resistance_ohm_per_m: float) -> float:
-    """Return the resistivity in µΩ·m. A cross-section in mm² is 1e-6 of that in m²."""
+    """Return the resistivity in µΩ·m: the resistance in Ω/m times the cross-section in mm²."""
     return resistance_ohm_per_m * 0.25 * pi * diameter_mm**2
 
 

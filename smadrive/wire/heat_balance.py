@@ -11,7 +11,7 @@ The wire absorbs the latent heat Q on heating and gives it back on cooling. In t
 doubles the apparent heat capacity, so the feedforward needs Q. The sign of r differs between wires, so r is fitted.
 The thermocouple is a bead on the wire. Its reading T_tc follows with a first-order lag: lag · dT_tc/dt = T - T_tc.
 
-`WireModel.resistance_ohm` takes R(T, ξ) of identified_resistance.py in place of R(w) if it is identified.
+If the resistance is identified, `WireModel.resistance_ohm` takes R(T, ξ) of identified_resistance.py in place of R(w).
 """
 
 from __future__ import annotations
