@@ -96,7 +96,7 @@ def observe(rig: Rig, duration_s: float, record: TickHandler, is_ended: StopRequ
 
 
 def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetrics:
-    """Run a manual step and record it in `log_file`, with the reasons to distrust its temperature.
+    """Run a manual step and record it in `log_file`, with its caveats.
 
     ConfigError if the step exceeds a limit of the rig, TripError after a trip.
     """
@@ -110,7 +110,7 @@ def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetric
 
 
 def planned_step_caveats(rig: Rig, step: ManualStep) -> tuple[str, ...]:
-    """Return the reasons to distrust a manual step from the present temperature, one sentence each. Nothing is heated.
+    """Return the caveats of a manual step that begins at the present temperature, one sentence each. Nothing is heated.
 
     ConfigError if the step exceeds a limit of the rig.
     """

@@ -120,8 +120,8 @@ def plan_tracking(
 ) -> PlannedTracking:
     """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
 
-    With `cycling` the reference is repeated. If the wire cannot follow `given`: with `smooth` the run tracks the
-    nearest reference; without `smooth`, ConfigError names `smooth_option`, the option of the user that sets `smooth`.
+    With `cycling` the reference is repeated. If the wire cannot follow `given`, the run tracks the nearest reference if
+    `smooth` is True. Otherwise ConfigError names `smooth_option`, the option of the user that sets `smooth`.
     `displacement_from` replaces the source of the displacement in the rig file.
     """
     wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance, identified.resistance)
