@@ -90,8 +90,7 @@ class DuhemModel(BranchModel):
         """Return the model of Table 1 of the paper, over the input range from -300 to 300.
 
         The scale is 40. The heating branch has the mean 35 and the standard deviation 75, the cooling branch -45 and
-        70. The paper prints means and standard deviations in each other's columns; this model has them in the right
-        place.
+        70. The paper exchanges the columns of means and standard deviations; here they are in the right order.
         """
         return cls.gaussian(
             mu_heating=35, mu_cooling=-45, sigma_heating=75, sigma_cooling=70, scale=40, input_range=(-300, 300)

@@ -23,7 +23,7 @@ from smadrive.wire.wire_model import WireModel
 KEY = "displacement_from"
 
 COARSE, TOO_COARSE = 0.02, 0.1
-"""Errors by the resolution, in strokes, from which the plan of a run warns, and from which the run is refused."""
+"""Errors by the resolution, in strokes: a run above the first gets a warning, a run above the second is refused."""
 
 
 def check_sensing(
@@ -92,7 +92,7 @@ def resolution_error(wire: WireModel, resistance: WireResistance, quantum_a: flo
 
 
 def _lead_caveats(wire: WireModel, resistance: WireResistance, temperature_c: float) -> tuple[str, ...]:
-    """Return what limits the displacement by the resistance, and a warning if the leads cannot be measured."""
+    """Return the bands without a displacement by the resistance, and a warning if the leads cannot be measured."""
     texts = lost_text(wire, resistance)
     if temperature_c < cold_c(wire, resistance):
         return texts

@@ -184,7 +184,7 @@ class Supervisor:
     def _is_cool_by_displacement(self, measurement: Measurement) -> bool:
         """Return True if the measured displacement excludes a wire above `temperature_max_c`.
 
-        A wire that is colder than its heat input allows is then in a draft: the reading is right.
+        If the reading is below its band then, a draft has cooled the wire, and the reading is right.
         """
         if self._displacement_band is None or self._outside_band(measurement) is not None:
             return False

@@ -1,4 +1,4 @@
-"""The calibration constants of an `sma-reference` board, from what multimeters showed while the board held a current.
+"""The calibration constants of an `sma-reference` board, from readings of multimeters while the board holds a current.
 
     source_gain      <- source_gain  · set / true        the source gave `true` while it was set to `set`
     current_gain     <- current_gain · true / shown      the board showed `shown`; without the offset
