@@ -120,7 +120,7 @@ class RigConfig(Section):
     @field_validator("feedback")
     @classmethod
     def _no_faster_than_its_ticks(cls, feedback: FeedbackConfig, info: ValidationInfo) -> FeedbackConfig:
-        """Return the feedback. Without `closed_loop_s` in the file, the loop has at least `LOOP_PERIODS` periods."""
+        """Return the feedback. By default `closed_loop_s` is at least `LOOP_PERIODS` periods of the loop."""
         if "rate_hz" not in info.data or "closed_loop_s" in feedback.model_fields_set:
             return feedback
         closed_loop_s = max(feedback.closed_loop_s, LOOP_PERIODS / info.data["rate_hz"])
