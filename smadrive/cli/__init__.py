@@ -1,4 +1,4 @@
-"""The command line: one file per command, and the entry point with exit codes and signals.
+"""The command line: one file per command, what they share in packages, and the entry point with exit codes and signals.
 
 It may import everything below it. Logic that scripts also need belongs to rig, runs or tuning, not here.
 
@@ -17,7 +17,7 @@ import sys
 from contextlib import suppress
 from types import FrameType
 
-from smadrive.cli.stdout import open_stdout
+from smadrive.cli.terminal.stdout import open_stdout
 from smadrive.errors import SmadriveError, StoppedError, TripError
 from smadrive.interrupts import SIGNALS
 from smadrive.numerics.blas_threads import ONE_THREAD
@@ -35,7 +35,7 @@ def main() -> None:
         if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN:  # with nohup, SIGHUP stays ignored
             signal.signal(number, interrupt)
     try:
-        from smadrive.cli.app import (  # noqa: PLC0415 (a signal during this import is handled, too)
+        from smadrive.cli.parsing.app import (  # noqa: PLC0415 (a signal during this import is handled, too)
             command_line,
             typed_command,
         )

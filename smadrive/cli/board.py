@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.errors import ConfigError, DataError
 from smadrive.rig.ports.board_calibration import HeldCurrent, calibrate_board_at
 from smadrive.rig.ports.board_check import check_board_at, error_of

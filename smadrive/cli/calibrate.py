@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from smadrive.cli.options import RigFile
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.parsing.options import RigFile
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.number_text import parse_number, with_decimal_point
 from smadrive.identification.calibration import CalibrationFit, CalibrationPoint, check_values_apart, fit_calibration

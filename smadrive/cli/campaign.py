@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from smadrive.campaigns.execution.cluster import check_dask, local_client, remote_client, threads_of, usable_cores
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.campaign_view import (
     CampaignView,
     duration_text,

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.display.card import count_text
 from smadrive.errors import DataError
 from smadrive.files.atomic import check_output

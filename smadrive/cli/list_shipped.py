@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.files.shipped import ShippedFile, shipped_files
 
 HEADER = ("name", "kind", "what it is")

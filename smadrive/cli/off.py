@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.options import RigFile
-from smadrive.cli.output import AsJson, Output
-from smadrive.cli.stdout import use_stderr_if_stdout_fails
+from smadrive.cli.parsing.options import RigFile
+from smadrive.cli.terminal.output import AsJson, Output
+from smadrive.cli.terminal.stdout import use_stderr_if_stdout_fails
 from smadrive.errors import SafetyError
 from smadrive.rig.switching_off.guardians import notes_waiting_guardians, waiting_guardians
 from smadrive.rig.switching_off.switch_off import SwitchedOff, switch_off

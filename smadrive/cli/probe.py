@@ -9,8 +9,8 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.options import RigFile, TraceFolder
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.parsing.options import RigFile, TraceFolder
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.reports.health_report import show_health
 from smadrive.display.card import quantity
 from smadrive.measurement import Measurement

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.display.card import count_text
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.log.reader import Log, read_log

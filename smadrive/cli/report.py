@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.reports.comparison_report import SAME, comparison_caveats, setting_rows, write_comparison_report
 from smadrive.cli.views.reports.log_report import write_log_report
 from smadrive.errors import ConfigError

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import shlex
 from dataclasses import asdict, replace
-from math import isnan
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from smadrive.cli.options import RigFile, TraceFolder
-from smadrive.cli.output import AsJson, Output
-from smadrive.cli.publishing import Publish, publishing
+from smadrive.cli.live.publishing import Publish, run_publication
+from smadrive.cli.parsing.options import RigFile, TraceFolder, model_file
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
+from smadrive.cli.views.metrics_table import HEADER, table_row
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
 from smadrive.control.references.reference import Reference
@@ -29,11 +29,9 @@ from smadrive.runs.cycling.cycles import CYCLE_HEADER, Cycling, cycle_rows, cycl
 from smadrive.runs.experiments import read_reference, track
 from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop_metrics
+from smadrive.runs.run_metrics import tracking_caveats, tracking_metrics, tripped_loop_metrics
 from smadrive.runs.tracking_plan import RETURN_S, check_reach, plan_tracking
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
-
-HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 
 MOST_CYCLES = 20
 """Largest number of cycles in the table on the terminal; the report and `--json` have more."""
@@ -97,10 +95,10 @@ def main(
         with (
             log_named_at_interruption(log_file, "the run", rest),
             health_recorded(log_file, output.warn),
-            publishing(publish, config, "run", output) as stream,
+            run_publication(publish, config, "run", output) as publication,
             Rig(config, trace_folder=trace) as open_rig,
         ):
-            stream.begin(open_rig)
+            publication.begin(open_rig)
             plan = plan_tracking(
                 open_rig,
                 given.reference,
@@ -113,14 +111,14 @@ def main(
             plan = replace(plan, caveats=(*given.caveats, *plan.caveats))
             warned = plan.caveats
             output.warn(warned)
-            watch = stream.watch(shown("tracking", config.limits.current_max_a, quiet=output.quiet))
+            watch = publication.watch(shown("tracking", config.limits.current_max_a, quiet=output.quiet))
             loop = track(log_file, open_rig, plan, announced(output, log_file, "the run", open_rig.clock, watch))
     except TripError as trip:
         try:
-            _print_metrics(read_log(log_file), None, output, warned, stream.result(), tripped=str(trip))
+            _print_metrics(read_log(log_file), None, output, warned, publication.result(), tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
-    _print_metrics(read_log(log_file), loop, output, warned, stream.result(), tripped=None)
+    _print_metrics(read_log(log_file), loop, output, warned, publication.result(), tripped=None)
 
 
 def _given(config: RigConfig, reference: str | None, model: Path | None, repeat: int | None) -> _Given:
@@ -195,32 +193,3 @@ def _print_metrics(
     output.say(f"log: {log.path}{done}")
     of_cycles = {} if cycling is None else {"cycles": [asdict(one) for one in cycles], "cycles_planned": cycling.total}
     output.result({**asdict(metrics), "caveats": caveats, "tripped": tripped, **of_cycles, **published})
-
-
-def table_row(name: str, metrics: TrackingMetrics) -> tuple[str, ...]:
-    """Return the row of a run in the table of metrics. `HEADER` names the columns."""
-    return (
-        name,
-        _percent(metrics.rms_percent),
-        _percent(metrics.max_percent),
-        str(metrics.trips),
-        str(metrics.missed_deadlines),
-    )
-
-
-def _percent(value: float) -> str:
-    return "unknown" if isnan(value) else f"{value:.2f} %"
-
-
-def model_file(config: RigConfig, option: Path | None) -> Path:
-    """Return the model file that `option` names, or else the model file of the rig. ConfigError if both are missing."""
-    if option is not None:
-        return option
-    if config.model is None:
-        raise ConfigError(
-            "the rig file names no model",
-            where=f"rig '{config.name}'",
-            cure="make one with `smadrive excite` and `smadrive identify`, then give --model FILE, or write "
-            'model = "FILE" into the rig file',
-        )
-    return Path(config.model)

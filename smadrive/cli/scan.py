@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.errors import ConfigError, DeviceError
 from smadrive.files.number_text import parse_whole
 from smadrive.rig.ports.discovery import DiscoveredDevice, discover

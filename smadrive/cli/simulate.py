@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.display.card import count_text
 from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table, write_table

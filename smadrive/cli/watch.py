@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from smadrive.cli.options import PAGE_PORT, RigFile, TraceFolder
-from smadrive.cli.output import Output
-from smadrive.cli.publishing import Publish, each, publishing
-from smadrive.cli.stdout import is_unread
+from smadrive.cli.live.publishing import Publish, each, run_publication
+from smadrive.cli.parsing.options import PAGE_PORT, RigFile, TraceFolder
+from smadrive.cli.terminal.output import Output
+from smadrive.cli.terminal.stdout import is_unread
 from smadrive.cli.views.announcement import announce
 from smadrive.cli.views.keyboard import end_interrupt, end_key
 from smadrive.cli.views.watch_view import Extremes, watched_values
@@ -71,14 +71,14 @@ def main(
     try:
         with (
             notes_waiting_guardians(),
-            publishing(publish, config, "watch", output) as stream,
+            run_publication(publish, config, "watch", output) as publication,
             Rig(config, trace_folder=trace) as open_rig,
         ):
-            stream.begin(open_rig)
+            publication.begin(open_rig)
             _check_end(open_rig, length_s)
             _print_latched(open_rig, output)
             with ExitStack() as stack:
-                takers: list[TickHandler] = [extremes.add, *stream.takers]
+                takers: list[TickHandler] = [extremes.add, *publication.takers]
                 if log_file is not None:
                     takers.append(stack.enter_context(record_observation(log_file, open_rig, length_s)).tick)
                     announce(output, log_file, "the observation", length_s, open_rig.clock)
@@ -114,7 +114,7 @@ def _check_no_page_option(port: int | None, browser: bool | None) -> None:
 
 
 def _page(rig: Rig, options: _PageOptions, output: Output) -> AbstractContextManager[WatchFeed]:
-    from smadrive.cli.live_page import check_bokeh, watched_on_page  # noqa: PLC0415 (most calls open no page)
+    from smadrive.cli.live.page import check_bokeh, watched_on_page  # noqa: PLC0415 (most calls open no page)
 
     check_bokeh()
     return watched_on_page(rig, options.port, output, browser=options.browser)

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from smadrive.control.controllers.interface import Command, Controller
 from smadrive.control.controllers.step import ManualStep
-from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
 from smadrive.control.loop import LoopMetrics, StopRequested, Tick, TickHandler, never
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
@@ -60,10 +60,10 @@ def plan_excitation(rig: Rig) -> Excitation:
     return excitation
 
 
-def excite(log_file: Path, rig: Rig, excitation: Excitation, watch: Watch) -> LoopMetrics:
-    """Run an identification experiment and record it in `log_file`. TripError after a trip."""
+def excite(log_file: Path, rig: Rig, excitation: Excitation, watch: Watch, **notes: str) -> LoopMetrics:
+    """Run an identification experiment and record it in `log_file`, with `notes`. TripError after a trip."""
     wire_file = Path(rig.config.model).absolute() if rig.config.model else None
-    notes = {WIRE_FILE: str(wire_file)} if wire_file is not None and wire_file.is_file() else {}
+    notes |= {WIRE_FILE: str(wire_file)} if wire_file is not None and wire_file.is_file() else {}
     with (
         record_excitation(log_file, rig, excitation, **notes) as recorder,
         watch(recorder, excitation.duration_s) as record,
@@ -118,11 +118,21 @@ def planned_step_caveats(rig: Rig, step: ManualStep) -> tuple[str, ...]:
     return (*caveats, *cold_wire_caveats(rig.measure().temperature_c, rig.data_sheet.ambient_c))
 
 
-def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> LoopMetrics:
-    """Run `plan` and record it in `log_file`. TripError after a trip."""
+def track(
+    log_file: Path,
+    rig: Rig,
+    plan: PlannedTracking,
+    watch: Watch,
+    inverse: DisplacementInverse | None = None,
+    **notes: str,
+) -> LoopMetrics:
+    """Run `plan` and record it in `log_file`, with `notes`. TripError after a trip.
+
+    `inverse` replaces the inverse of the hysteresis model as feedforward.
+    """
     model, balance = plan.wire.model, plan.wire.balance
-    inverse = HysteresisInverse(model)
-    notes = {"given_reference": reference_text(plan.given), "caveats": json.dumps(plan.caveats)}
+    inverse = inverse or HysteresisInverse(model)
+    notes |= {"given_reference": reference_text(plan.given), "caveats": json.dumps(plan.caveats)}
     notes |= {} if plan.cycling is None else {"cycling": plan.cycling.text()}
     notes |= {} if plan.wire_file is None else {WIRE_FILE: str(plan.wire_file)}
     notes["displacement_from"] = plan.displacement_from.value

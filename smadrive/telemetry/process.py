@@ -8,13 +8,13 @@ from __future__ import annotations
 import time
 from typing import Any
 
+from smadrive.stream.child import is_input_closed, report_ready, run
+from smadrive.stream.shared_memory import SharedReader
 from smadrive.telemetry.address import BrokerAddress
 from smadrive.telemetry.broker import Broker
 from smadrive.telemetry.counters import PublisherCounters
 from smadrive.telemetry.publisher import Publisher
 from smadrive.telemetry.schema import GONE, topic_of
-from smadrive.tuning.link.child import is_input_closed, report_ready, run
-from smadrive.tuning.link.shared_memory import SharedReader
 
 LOOK_S = 0.05
 """Period at which new rows are looked for: one tick at 20 Hz."""

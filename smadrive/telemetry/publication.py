@@ -19,10 +19,10 @@ from typing import NamedTuple, Self
 
 from smadrive.errors import ConfigError
 from smadrive.rig.config import RigConfig
+from smadrive.stream.shared_memory import SharedReader, SharedWriter
+from smadrive.stream.supervised_process import SupervisedProcess
 from smadrive.telemetry.address import BrokerAddress
 from smadrive.telemetry.counters import PublisherCounters
-from smadrive.tuning.link.shared_memory import SharedReader, SharedWriter
-from smadrive.tuning.link.supervised_process import SupervisedProcess
 
 NICENESS = 5
 LOOK_S = 0.05
@@ -114,7 +114,9 @@ class Publication:
             "client_id": f"smadrive-{secrets.token_hex(6)}",
             "may_switch_off": self._config.off_by_mqtt,
         }
-        return SupervisedProcess("smadrive.telemetry.process", parameters, tuple(fds.values()), niceness=NICENESS)
+        return SupervisedProcess(
+            "smadrive.telemetry.process", parameters, tuple(fds.values()), extra="mqtt", niceness=NICENESS
+        )
 
     def _watch_off(self) -> None:
         while not self._is_ending.wait(LOOK_S):

@@ -13,6 +13,7 @@ import time
 from collections import deque
 from typing import Any, Protocol
 
+from smadrive.stream.shared_memory import SharedReader
 from smadrive.telemetry.counters import PublisherCounters
 from smadrive.telemetry.schema import (
     ENDED,
@@ -25,7 +26,6 @@ from smadrive.telemetry.schema import (
     state_message,
     topic_of,
 )
-from smadrive.tuning.link.shared_memory import SharedReader
 
 IN_FLIGHT = 100
 COUNTS_S = 5.0

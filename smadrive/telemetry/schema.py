@@ -20,7 +20,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from smadrive.runs.columns import COLUMNS as LOG_COLUMNS
-from smadrive.tuning.link.samples import COLUMNS
+from smadrive.stream.samples import COLUMNS
 
 VERSION = 1
 

@@ -11,11 +11,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from smadrive.errors import ConfigError
+from smadrive.stream.supervised_process import SupervisedProcess
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult
 from smadrive.tuning.builder.packing import pack_request, unpack_result
 from smadrive.tuning.link.address import ADDRESS
 from smadrive.tuning.link.channel import ControlEnd
-from smadrive.tuning.link.supervised_process import SupervisedProcess
 
 if TYPE_CHECKING:
     from smadrive.tuning.link.message_socket import MessageSocket
@@ -28,6 +28,9 @@ NICENESS = 5
 
 FRONT_NICENESS = -10
 """Niceness of the front process: if the system permits, OFF is answered before other work."""
+
+EXTRA = "tune"
+"""The extra of smadrive with the packages of these processes."""
 
 FROZEN_LOOKS = 10
 """The front process is killed after this number of checks without a heartbeat. The checks take 1 s.
@@ -44,7 +47,9 @@ class PageProcess(SupervisedProcess):
 
     def __init__(self, channel: ControlEnd, *, port: int, path: str, document: Mapping[str, str]) -> None:
         parameters = {**_ends(channel), "port": port, "path": path, **document}
-        super().__init__("smadrive.tuning.page.process", parameters, tuple(_ends(channel).values()), niceness=NICENESS)
+        super().__init__(
+            "smadrive.tuning.page.process", parameters, tuple(_ends(channel).values()), extra=EXTRA, niceness=NICENESS
+        )
 
 
 class FrontProcess(SupervisedProcess):
@@ -53,7 +58,9 @@ class FrontProcess(SupervisedProcess):
     def __init__(self, channel: ControlEnd, listener: socket.socket, path: str) -> None:
         fds = {**_ends(channel), "listener_fd": listener.fileno()}
         parameters = {**fds, "port": listener.getsockname()[1], "path": path}
-        super().__init__("smadrive.tuning.front.process", parameters, tuple(fds.values()), niceness=FRONT_NICENESS)
+        super().__init__(
+            "smadrive.tuning.front.process", parameters, tuple(fds.values()), extra=EXTRA, niceness=FRONT_NICENESS
+        )
         self._channel = channel
         self._beats = self._looks = 0
 
@@ -145,7 +152,7 @@ class BuilderProcess(SupervisedProcess):
     """A ModelBuilder in a child process. ZeroMQ carries requests and results, so the loop never waits for the child."""
 
     def __init__(self) -> None:
-        super().__init__("smadrive.tuning.builder.process", {}, ())
+        super().__init__("smadrive.tuning.builder.process", {}, (), extra=EXTRA)
         self._request: BuildRequest | None = None
         self._number = 0
         self._deaths_before = 0

@@ -44,9 +44,9 @@ from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
+from smadrive.stream.samples import COLUMNS
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.tuning.link.channel import ControlEnd, PageEnd
-from smadrive.tuning.link.samples import COLUMNS
 from smadrive.tuning.page.view.plots import POINTS
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession

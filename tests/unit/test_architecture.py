@@ -5,6 +5,7 @@ The directions of imports are checked by `lint-imports`.
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -132,7 +133,12 @@ class Name(NamedTuple):
     @property
     def words(self) -> str:
         """The name as lower-case words with `_` between, around and at both ends."""
-        return "_" + re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", self.text).lower().strip("_") + "_"
+        return words_of(self.text)
+
+
+@cache
+def words_of(text: str) -> str:
+    return "_" + re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", text).lower().strip("_") + "_"
 
 
 def names_of(path: Path) -> list[Name]:

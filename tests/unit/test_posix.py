@@ -38,7 +38,7 @@ WORK = """
 import numpy as np
 import smadrive
 from smadrive.hysteresis import DuhemModel
-from smadrive.cli.app import command_line
+from smadrive.cli.parsing.app import command_line
 
 branches = {"mu_heating": 90, "mu_cooling": 69, "sigma_heating": 5, "sigma_cooling": 5}
 model = DuhemModel.gaussian(**branches, scale=12, input_range=(20, 140))

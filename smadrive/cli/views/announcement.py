@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager, contextmanager
 from math import isfinite
 from pathlib import Path
 
-from smadrive.cli.output import Output
+from smadrive.cli.terminal.output import Output
 from smadrive.clock import Clock, VirtualClock
 from smadrive.control.loop import TickHandler
 from smadrive.display.card import count_text

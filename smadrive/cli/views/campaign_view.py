@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from smadrive.cli.output import Output
+from smadrive.cli.terminal.output import Output
 
 if TYPE_CHECKING:
     from smadrive.campaigns.campaign import CampaignResult

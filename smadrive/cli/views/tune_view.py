@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from rich.console import Console
 from rich.text import Text
 
-from smadrive.cli.output import Output
+from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.run_view import drawing, number
 from smadrive.control.loop import Tick
 from smadrive.errors import ConfigError

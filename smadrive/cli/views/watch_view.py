@@ -10,7 +10,7 @@ from math import inf, isfinite
 from rich.console import Console
 from rich.text import Text
 
-from smadrive.cli.output import Output
+from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.run_view import drawing, number
 from smadrive.control.loop import Tick, TickHandler
 

@@ -6,9 +6,9 @@ import sys
 from typing import Any
 
 from smadrive.errors import SmadriveError
+from smadrive.stream.child import report_ready, run
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult, build
 from smadrive.tuning.builder.packing import ModelCache, pack_result, unpack_request
-from smadrive.tuning.link.child import report_ready, run
 from smadrive.tuning.link.message_socket import MessageSocket
 
 

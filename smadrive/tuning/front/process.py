@@ -32,11 +32,11 @@ from tornado.web import Application
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from smadrive.errors import ConfigError
+from smadrive.stream.child import report_ready, run
 from smadrive.tuning.front.gate import GatedHandler, StaticHandler, UnknownPath
 from smadrive.tuning.front.relay import CHUNK_BYTES, PageHandler, PageSocketHandler, Relay
 from smadrive.tuning.link.address import page_hosts
 from smadrive.tuning.link.channel import PageEnd
-from smadrive.tuning.link.child import report_ready, run
 
 MAX_CONNECTIONS = 512
 """Largest number of connections. A further connection closes the oldest one, so idle connections cannot block OFF."""

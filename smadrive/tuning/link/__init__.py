@@ -1,5 +1,5 @@
-"""The connection between the processes of the tuning page: shared memory, requests, supervised processes.
+"""The connection between the processes of the tuning page: the channel of the loop, requests, message socket, address.
 
-It may import the table of log columns, the tick of the loop, files, numerics, errors, numpy, pydantic and pyzmq. It
-must not import the session or the pages, which use this package. Nothing here makes the loop wait.
+It may import `stream`, files, errors, pydantic and pyzmq. It must not import the session or the pages, which use this
+package. Nothing here makes the loop wait.
 """

@@ -15,7 +15,7 @@ No process waits for another one.
     both ways        messages   JSON datagrams on a socket pair: each arrives whole or not at all; `send`
                                 returns False if the queue is full
 
-The shared memory is that of shared_memory.py.
+Rows and status are those of stream/shared_memory.py.
 See docs/decisions/0001-processes-of-the-tuning-page.md.
 """
 
@@ -30,10 +30,26 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any
 
-from smadrive.tuning.link.shared_memory import SharedReader, SharedWriter
+import numpy as np
+
+from smadrive.stream.shared_memory import STREAM, SharedReader, SharedWriter
 
 MESSAGE_BYTES = 1 << 16
 MESSAGES_PER_TICK = 4
+
+
+CHANNEL = np.dtype(
+    [
+        *((name, STREAM[name]) for name in STREAM.names or ()),
+        ("off_count", "i8"),
+        ("open_pages", "i8"),
+        ("is_controlled", "i8"),
+        ("page_pid", "i8"),
+        ("page_beat_ns", "i8"),
+        ("front_beats", "i8"),
+    ]
+)
+"""The layout of the shared memory: rows and status, then the counters of the channel."""
 
 
 class MessageLink:
@@ -64,6 +80,8 @@ class ControlEnd(SharedWriter, MessageLink):
     No method waits, and no message of a page makes a method fail. `offs` is the OFF count at the last call of
     `off_requested`, `published` the latest status.
     """
+
+    layout = CHANNEL
 
     def __init__(self) -> None:
         SharedWriter.__init__(self)
@@ -98,6 +116,8 @@ class ControlEnd(SharedWriter, MessageLink):
 
 class PageEnd(SharedReader, MessageLink):
     """The side of the channel that the page process and the front process use."""
+
+    layout = CHANNEL
 
     def __init__(self, memory_fd: int, messages: socket.socket) -> None:
         SharedReader.__init__(self, memory_fd)

@@ -23,7 +23,7 @@ from smadrive.errors import IdentificationError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.record import prepare
 from smadrive.identification.wire import FitSettings, identify_hysteresis
-from smadrive.tuning.link.samples import COLUMNS, Rows
+from smadrive.stream.samples import COLUMNS, Rows
 from smadrive.wire.identified_wire import IdentifiedWire, parse_wire
 from smadrive.wire.wire_model import travel_mm
 

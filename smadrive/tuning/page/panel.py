@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from smadrive.control.loop import LATE_FRACTION
-from smadrive.tuning.link.samples import COLUMNS, Rows
+from smadrive.stream.samples import COLUMNS, Rows
 
 TIMED_ROWS = 1200
 SHOWN_EVENTS = 8

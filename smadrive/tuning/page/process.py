@@ -19,9 +19,9 @@ from bokeh.document import Document
 from bokeh.server.server import Server
 from tornado.ioloop import PeriodicCallback
 
+from smadrive.stream.child import is_input_closed, report_ready, run
 from smadrive.tuning.link.address import page_hosts
 from smadrive.tuning.link.channel import PageEnd
-from smadrive.tuning.link.child import is_input_closed, report_ready, run
 from smadrive.tuning.page.client_registry import ClientRegistry
 from smadrive.tuning.page.fit import Fitter
 from smadrive.tuning.page.page import Page

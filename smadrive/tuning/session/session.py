@@ -25,9 +25,9 @@ from smadrive.runs.run_log import TickRecorder
 from smadrive.runs.session_record import SESSION_ENDED
 from smadrive.safety.shutdown import ends_safe, shutdown_of
 from smadrive.safety.supervisor import check_thermocouple
+from smadrive.stream.samples import row_of
 from smadrive.tuning.builder.build import ModelBuilder, tuned_controller
 from smadrive.tuning.link.channel import MESSAGES_PER_TICK, ControlEnd
-from smadrive.tuning.link.samples import row_of
 from smadrive.tuning.session.adaptation_runner import AdaptationRunner
 from smadrive.tuning.session.arming import Arming
 from smadrive.tuning.session.changes.change_queue import ChangeQueue

@@ -13,6 +13,7 @@ from smadrive.hysteresis.turning_points import Memory
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
+from smadrive.stream.feed import common_status
 from smadrive.tuning.session.changes.comparison import Comparison
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.modes import Mode
@@ -54,18 +55,8 @@ class Status:
         self.end: str | None = None
         self.measurement: Measurement | None = None
         self.events: deque[tuple[float, str]] = deque(maxlen=MAX_EVENTS)
-        config = rig.config
-        self._fixed = {
-            "rig": config.name,
-            "devices": {name: str(identity) for name, identity in rig.identities.items()},
-            "rate_hz": config.rate_hz,
-            "began_unix_s": time.time(),
-            "limits": {
-                "current_max_a": config.limits.current_max_a,
-                "temperature_max_c": config.limits.temperature_max_c,
-            },
-            "references": references,
-        }
+        self._config, self._identities = rig.config, rig.identities
+        self._fixed = {"began_unix_s": time.time(), "references": references}
         self._balance = balance
         self._described: tuple[Tuning, dict[str, Any]] | None = None
 
@@ -94,9 +85,9 @@ class Status:
         self, mode: Mode, tunings: Tunings, live: SwappableController | None, *, adapts: bool
     ) -> dict[str, Any]:
         """Return the status as values that JSON can hold. `live` is the controller that runs, or None."""
-        measurement = self.measurement
         memory = None if live is None else live.memory
         return {
+            **common_status(self._config, self._identities, self.measurement),
             **self._fixed,
             "mode": _HEATER.get(mode, "off" if self.is_safe else "off, unconfirmed"),
             "end": self.end,
@@ -105,9 +96,6 @@ class Status:
             "fault_s": self.fault_s,
             "lost": self.lost,
             "wire_warning": self.wire_warning,
-            "device_faults": [] if measurement is None else measurement.device_faults,
-            "temperature_fault": None if measurement is None else measurement.temperature_fault,
-            "limited_by": [] if measurement is None else [*measurement.device_limits, *measurement.host_limits],
             "tuning": self._tuning(tunings.in_force),
             "undo": tunings.history.undo_name,
             "redo": tunings.history.redo_name,

@@ -11,8 +11,8 @@ import programs
 import pytest
 from typer.main import get_command
 
-from smadrive.cli.app import COMMANDS, MODULES, command_line, typed_command
-from smadrive.cli.usage import EXAMPLES
+from smadrive.cli.parsing.app import COMMANDS, MODULES, command_line, typed_command
+from smadrive.cli.parsing.usage import EXAMPLES
 from smadrive.files.shipped import configs_dir
 
 ROOT = Path(__file__).parents[3]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from smadrive.cli.app import COMMANDS
+from smadrive.cli.parsing.app import COMMANDS
 
 ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "README.md").read_text()

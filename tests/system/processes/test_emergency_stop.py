@@ -8,6 +8,7 @@ import tomllib
 
 import programs
 import pytest
+from marks import exhaustive
 from served import PATIENT, served
 from supply_rig import DRIVER, RIG, patient
 
@@ -125,7 +126,7 @@ class Heated:
         return [sys.executable, "-m", "smadrive", "off", str(self.rig), "--json"]
 
 
-@pytest.fixture(params=["board", "supply"])
+@pytest.fixture(params=["board", exhaustive("supply")])
 def heated(request, tmp_path):
     if request.param == "board":
         with served("--pty", str(tmp_path / "port")) as (process, url):
@@ -145,6 +146,7 @@ def heated(request, tmp_path):
         yield Heated("supply", process, tmp_path / "rig.toml")
 
 
+@pytest.mark.parametrize("heated", ["board", "supply"], indirect=True)
 def test_running_driver_is_stopped(heated):
     with heated.drive() as driver:
         assert driver.stdout.readline() == "heating\n"

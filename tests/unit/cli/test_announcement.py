@@ -2,7 +2,7 @@
 
 import pytest
 
-from smadrive.cli.output import Output
+from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.announcement import announce, duration_text
 from smadrive.clock import MonotonicClock, VirtualClock
 

@@ -18,10 +18,10 @@ from smadrive.errors import TripError
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
 from smadrive.safety.faults import Fault, Trip
+from smadrive.stream.shared_memory import CAPACITY, SharedWriter
 from smadrive.telemetry.address import parse_address
 from smadrive.telemetry.feed import RunFeed
 from smadrive.telemetry.publication import Publication
-from smadrive.tuning.link.shared_memory import CAPACITY, SharedWriter
 
 pytestmark = pytest.mark.skipif(mosquitto.missing() is not None, reason=str(mosquitto.missing()))
 CONFIG = load_rig("in-process")

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from smadrive.rig.config import load_rig
+from smadrive.stream.samples import COLUMNS
+from smadrive.stream.shared_memory import SharedWriter
 from smadrive.telemetry.feed import RunFeed
 from smadrive.telemetry.schema import (
     FAULTS,
@@ -21,8 +23,6 @@ from smadrive.telemetry.schema import (
     state_message,
     topic_of,
 )
-from smadrive.tuning.link.samples import COLUMNS
-from smadrive.tuning.link.shared_memory import SharedWriter
 
 PAGE = Path(__file__).parents[3] / "docs" / "telemetry.md"
 ROW = re.compile(r"^\| `(\w+)` \| ([^|]*) \| ([^|]*) \|$", re.MULTILINE)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from smadrive.cli.output import Output
+from smadrive.cli.terminal.output import Output
 from smadrive.runs.health.assessment import HEADER, Assessment, health_lines, health_rows
 
 

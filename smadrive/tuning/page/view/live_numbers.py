@@ -15,7 +15,7 @@ from bokeh.core.properties import List, String
 from bokeh.model import DataModel
 from bokeh.models import CustomJS
 
-from smadrive.tuning.link.samples import COLUMNS, Rows
+from smadrive.stream.samples import COLUMNS, Rows
 
 OLD_S = 1.5
 """A number is not shown if no sample has arrived for this time, or for `OLD_PERIODS` of the loop if that is longer."""

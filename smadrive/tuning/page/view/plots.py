@@ -10,7 +10,7 @@ from bokeh.models import ColumnDataSource, Range1d, Span
 from bokeh.plotting import figure
 
 from smadrive.hysteresis import IdentifiedModel, TSFuzzyDuhem, TSFuzzyPreisach
-from smadrive.tuning.link.samples import Rows
+from smadrive.stream.samples import Rows
 from smadrive.tuning.page.view.error_axis import error_axis
 from smadrive.tuning.page.view.figures import lines, plain_figure
 from smadrive.tuning.page.view.time_plots import (

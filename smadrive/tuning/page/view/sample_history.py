@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from smadrive.stream.samples import COLUMNS, Rows
 from smadrive.tuning.link.channel import PageEnd
-from smadrive.tuning.link.samples import COLUMNS, Rows
 
 FULL_ROWS = 1 << 16
 """At least this number of the newest samples is never reduced: 54 minutes at 20 Hz, 10.9 minutes at 100 Hz."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from bokeh.models import ColumnDataSource, DataRange1d, Range, Range1d
 from bokeh.plotting import figure
 
-from smadrive.tuning.link.samples import COLUMNS, Rows
+from smadrive.stream.samples import COLUMNS, Rows
 from smadrive.tuning.page.view.figures import limit, lines, plain_figure
 
 POINTS = 2000

@@ -43,6 +43,7 @@ class _Scaled:
         return 4.0 - 3.0 * self.wire.simulate(v)
 
 
+@pytest.mark.exhaustive
 def test_a_given_number_of_sets_is_used(rng):
     wire, v = MixedWire(0.0, 0.4, rng), reversal_curves(samples=1500)
     fit = identify_memory(v, wire.simulate(v), memory=16)

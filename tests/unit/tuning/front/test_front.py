@@ -15,10 +15,10 @@ from tornado.websocket import websocket_connect
 
 from smadrive.errors import ConfigError
 from smadrive.rig.config import rig_file
+from smadrive.stream import supervised_process
 from smadrive.tuning import processes
 from smadrive.tuning.front.process import MAX_BODY_BYTES, MAX_CONNECTIONS, MAX_HEAD_BYTES
 from smadrive.tuning.front.relay import MAX_BUILDS
-from smadrive.tuning.link import supervised_process
 from smadrive.tuning.link.channel import ControlEnd, PageEnd
 from smadrive.tuning.processes import TuningPage
 from tests.unit.tuning.conftest import TunedRig, true_wire

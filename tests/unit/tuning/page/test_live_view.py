@@ -5,7 +5,7 @@ from math import nan
 import numpy as np
 import pytest
 
-from smadrive.tuning.link.samples import COLUMNS
+from smadrive.stream.samples import COLUMNS
 from smadrive.tuning.page.view.error_axis import LEAST_PERCENT, error_axis
 from smadrive.tuning.page.view.live_numbers import NONE, OLD_S, LiveNumbers, measured_numbers, tracking_numbers
 from smadrive.tuning.page.view.plots import Plots

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smadrive.hysteresis import DuhemModel
-from smadrive.tuning.link.samples import COLUMNS
+from smadrive.stream.samples import COLUMNS
 from smadrive.tuning.page.view.plots import Plots
 from smadrive.tuning.page.view.sample_history import CAPACITY, FULL_ROWS, SampleHistory, reduced
 from smadrive.tuning.page.view.time_plots import POINTS, WINDOW_S

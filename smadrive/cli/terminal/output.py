@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from smadrive.cli.stdout import encodable
+from smadrive.cli.terminal.stdout import encodable
 from smadrive.errors import DataError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Output:
             return
         from rich.console import Console  # noqa: PLC0415
 
-        from smadrive.cli.table import fitted_table, list_lines  # noqa: PLC0415
+        from smadrive.cli.terminal.table import fitted_table, list_lines  # noqa: PLC0415
 
         console, shown = Console(highlight=False), [[*map(encodable, row)] for row in rows]
         texts = {0, len(header) - 1} if notes else {0}

@@ -8,7 +8,7 @@ import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from smadrive.cli.output import Output
+from smadrive.cli.terminal.output import Output
 from smadrive.clock import VirtualClock
 from smadrive.errors import ConfigError
 from smadrive.rig.rig import Rig

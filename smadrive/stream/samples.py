@@ -1,4 +1,4 @@
-"""The samples that the loop sends to the pages: one row of numbers for each tick."""
+"""The samples that the loop sends to pages and subscribers: one row of numbers for each tick."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ COLUMNS = (
     "power_w",
     "commanded_a",
 )
-"""The columns of a row: measured, estimated and commanded values. `time_s` is the time since the session began."""
+"""The columns of a row: measured, estimated and commanded values. `time_s` is the time since the loop began."""
 
 Rows = NDArray[np.float64]
 """An array of shape (rows, columns)."""
@@ -31,6 +31,6 @@ _values_of = row_getter(COLUMNS)
 
 
 def row_of(tick: Tick, began_s: float) -> Row:
-    """Return the values of `COLUMNS` for a tick. `began_s` is the time of the clock when the session began."""
+    """Return the values of `COLUMNS` for a tick. `began_s` is the time of the clock when the loop began."""
     _, *values = _values_of(tick)
     return (tick.measurement.time_s - began_s, *values)

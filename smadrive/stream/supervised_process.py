@@ -40,13 +40,16 @@ class SupervisedProcess:
     """The child process `python -m MODULE`, as a context manager.
 
     The child gets `parameters` and inherits the file descriptors `fds`; it answers with one line when it is ready. A
-    positive `niceness` lowers the priority of the child, a negative one raises it if the system permits. ConfigError
-    when the child does not start.
+    positive `niceness` lowers the priority of the child, a negative one raises it if the system permits. `extra` is the
+    extra of smadrive with the packages of the child. ConfigError when the child does not start.
     """
 
-    def __init__(self, module: str, parameters: dict[str, Any], fds: tuple[int, ...], *, niceness: int = 0) -> None:
+    def __init__(
+        self, module: str, parameters: dict[str, Any], fds: tuple[int, ...], *, extra: str, niceness: int = 0
+    ) -> None:
         check_posix()
         self._module = module
+        self._extra = extra
         self._niceness = niceness
         self._parameters = parameters
         self._fds = fds
@@ -98,7 +101,8 @@ class SupervisedProcess:
                 raise ConfigError(
                     "the process did not start; its own message, if any, is printed above",
                     where=self._module,
-                    cure="correct the cause; if a package is missing, install it with pip install 'smadrive[tune]'",
+                    cure="correct the cause; if a package is missing, "
+                    f"install it with pip install 'smadrive[{self._extra}]'",
                 ) from None
             raise
 

@@ -1,6 +1,5 @@
 """A supervised process is restarted until a restart succeeds, and always ends with the session."""
 
-import json
 import os
 import resource
 import signal
@@ -12,10 +11,16 @@ from contextlib import contextmanager
 import pytest
 from process_tree import children
 
-from smadrive.tuning.link.supervised_process import SupervisedProcess
+from smadrive.errors import ConfigError
+from smadrive.stream.supervised_process import SupervisedProcess
 from smadrive.tuning.processes import BuilderProcess
 
-MODULES = ["smadrive.tuning.front.process", "smadrive.tuning.page.process", "smadrive.tuning.builder.process"]
+MODULES = [
+    "smadrive.tuning.front.process",
+    "smadrive.tuning.page.process",
+    "smadrive.tuning.builder.process",
+    "smadrive.telemetry.process",
+]
 PATIENCE_S = 60.0
 
 
@@ -69,7 +74,7 @@ def test_interrupt_during_the_start_leaves_no_process(slow_module):
     handler = signal.signal(signal.SIGALRM, interrupt)
     signal.setitimer(signal.ITIMER_REAL, 0.5)
     try:
-        with pytest.raises(Interrupted), SupervisedProcess(slow_module, {}, ()):
+        with pytest.raises(Interrupted), SupervisedProcess(slow_module, {}, (), extra="tune"):
             pass
     finally:
         signal.signal(signal.SIGALRM, handler)
@@ -82,7 +87,7 @@ def test_end_during_a_new_start_leaves_no_process(tmp_path, monkeypatch):
     script += "if not once.exists():\n    once.touch()\n    print('{}', flush=True)\n"
     (tmp_path / "ready_once.py").write_text(f"{script}while True:\n    time.sleep(1.0)\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-    with SupervisedProcess("ready_once", {}, ()) as process:
+    with SupervisedProcess("ready_once", {}, (), extra="tune") as process:
         first = process.pid
         os.kill(first, signal.SIGKILL)
         wait(lambda: process.pid != first)
@@ -96,21 +101,10 @@ def test_process_ends_quietly_when_its_input_ends_before_it_serves(module):
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, b"", b"")
 
 
-def test_page_process_ends_while_it_waits_for_a_status(control, tmp_path):
-    """Nothing has been published on this channel."""
-    fds = control.memory_fd, control.page_socket.fileno()
-    parameters = {"memory_fd": fds[0], "socket_fd": fds[1], "token": "", "folder": "", "rig_file": "", "port": 0}
-    page = subprocess.Popen(
-        [sys.executable, "-m", "smadrive.tuning.page.process"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        pass_fds=fds,
-    )
-    assert page.communicate(
-        json.dumps({**parameters, "path": str(tmp_path / "page")}).encode() + b"\n", PATIENCE_S
-    ) == (
-        b"",
-        b"",
-    )
-    assert page.returncode == 0
+def test_error_of_a_child_that_does_not_start_names_its_extra(tmp_path, monkeypatch):
+    (tmp_path / "lacks_a_package.py").write_text("import sys\nsys.exit(1)\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    with pytest.raises(ConfigError) as raised, SupervisedProcess("lacks_a_package", {}, (), extra="mqtt"):
+        pass
+    assert raised.value.where == "lacks_a_package"
+    assert "smadrive[mqtt]" in raised.value.cure

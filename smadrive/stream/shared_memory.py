@@ -3,7 +3,6 @@
     rows      a ring: new rows overwrite the oldest
     status    one JSON document, which is replaced as a whole
 
-The memory has no name: the processes inherit its file descriptor, so nothing is left behind when a process is killed.
 A reader compares the number of a row, or the version of the status, before and after the copy, and drops a copy whose
 number or version has changed.
 """
@@ -11,72 +10,41 @@ number or version has changed.
 from __future__ import annotations
 
 import json
-import mmap
-import os
-import tempfile
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smadrive.runs.columns import Row
-from smadrive.tuning.link.samples import COLUMNS, Rows
+from smadrive.stream.mapped_block import MappedBlock, anonymous_memory
+from smadrive.stream.samples import COLUMNS, Rows
 
 CAPACITY = 1 << 15
 """Number of rows in the ring: 27 minutes at 20 Hz."""
 
 STATUS_BYTES = 1 << 18
 
-BLOCK = np.dtype(
+STREAM = np.dtype(
     [
-        ("off_count", "i8"),
         ("rows_written", "i8"),
         ("status_version", "i8"),  # odd while the status is being written
         ("status_length", "i8"),
-        ("open_pages", "i8"),
-        ("is_controlled", "i8"),
-        ("page_pid", "i8"),
-        ("page_beat_ns", "i8"),
-        ("front_beats", "i8"),
         ("status", "u1", STATUS_BYTES),
         ("row_number", "i8", CAPACITY),  # -1 while the row is being written
         ("rows", "f8", (CAPACITY, len(COLUMNS))),
     ]
 )
-"""The layout of the shared memory. The counters belong to the channel (see channel.py)."""
+"""The layout of the memory. A layout that begins with these fields can be read by a `SharedReader`, too."""
 
 
-class SharedMemory:
-    """The memory behind the file descriptor `memory_fd`."""
+class SharedWriter(MappedBlock):
+    """The writing end, which creates the memory. `published` is the latest status."""
 
-    def __init__(self, memory_fd: int) -> None:
-        self.memory_fd = memory_fd
-        self._block = np.frombuffer(mmap.mmap(memory_fd, BLOCK.itemsize), BLOCK)
-
-    def _count(self, name: str) -> int:
-        return int(self._block[name][0])
-
-    def _increase(self, name: str) -> None:
-        self._block[name][0] += 1
-
-
-class SharedWriter(SharedMemory):
-    """The writing end, a context manager, which creates the memory. `published` is the latest status."""
+    layout = STREAM
 
     def __init__(self) -> None:
-        super().__init__(anonymous_memory(BLOCK.itemsize))
+        super().__init__(anonymous_memory(self.layout.itemsize))
         self.published: dict[str, Any] = {}
-
-    def __enter__(self) -> Self:
-        """Return this end."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Close the descriptor; mapped memory stays usable."""
-        os.close(self.memory_fd)
 
     def append(self, row: Row) -> None:
         """Add one row with the values of `COLUMNS`."""
@@ -98,8 +66,10 @@ class SharedWriter(SharedMemory):
         self._increase("status_version")
 
 
-class SharedReader(SharedMemory):
+class SharedReader(MappedBlock):
     """A reading end."""
+
+    layout = STREAM
 
     @property
     def written(self) -> int:
@@ -140,14 +110,3 @@ class SharedReader(SharedMemory):
         if self._count("status_version") != version:
             return None
         return version, json.loads(text)
-
-
-def anonymous_memory(size: int) -> int:
-    """Create shared memory without a name, and return its file descriptor."""
-    if hasattr(os, "memfd_create"):
-        memory_fd = os.memfd_create("smadrive")
-    else:
-        with tempfile.TemporaryFile() as file:
-            memory_fd = os.dup(file.fileno())
-    os.truncate(memory_fd, size)
-    return memory_fd

@@ -2,7 +2,7 @@
 
 import pytest
 
-from smadrive.cli.app import command_line
+from smadrive.cli.parsing.app import command_line
 from smadrive.errors import ConfigError
 
 HEAT = ("heat", "in-process")

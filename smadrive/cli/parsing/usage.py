@@ -9,7 +9,7 @@ from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
 
-from smadrive.cli.values import checked_conversion
+from smadrive.cli.parsing.values import checked_conversion
 
 EXAMPLES = {
     "demo": ("smadrive demo", "smadrive demo --output-dir first-try --seed 3"),

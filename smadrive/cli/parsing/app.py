@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.usage import PlainCommand, PlainGroup, epilog_of
+from smadrive.cli.parsing.usage import PlainCommand, PlainGroup, epilog_of
 
 COMMANDS = {
     "demo": "Identify and drive a simulated wire, and write a report.",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from smadrive.cli.output import Output
+from smadrive.cli.terminal.output import Output
 from smadrive.control.loop import TickHandler
 from smadrive.display.card import count_text
 from smadrive.rig.config import RigConfig
@@ -17,9 +17,9 @@ from smadrive.rig.rig import Rig
 if TYPE_CHECKING:
     from smadrive.runs.experiments import Watch
     from smadrive.runs.run_log import TickRecorder
+    from smadrive.stream.shared_memory import SharedWriter
     from smadrive.telemetry.feed import RunFeed
     from smadrive.telemetry.publication import Publication
-    from smadrive.tuning.link.shared_memory import SharedWriter
 
 Publish = Annotated[
     str | None,
@@ -34,11 +34,11 @@ Publish = Annotated[
 OFF_BY_MQTT = "`off` from the broker"
 """The text of a stop by MQTT, as an ending of `stopped by`."""
 
-HEATING = {"run": "tracking", "excite": "exciting", "heat": "heating", "watch": "off"}
+MODES = {"run": "tracking", "excite": "exciting", "heat": "heating", "watch": "off"}
 """The published `mode` of each command while its ticks arrive."""
 
 
-class Publishing:
+class RunPublication:
     """The publication of a run; without `--publish` its methods change nothing."""
 
     def __init__(self, feed: RunFeed | None, publication: Publication | None) -> None:
@@ -87,27 +87,29 @@ def each(takers: list[TickHandler]) -> TickHandler:
 
 
 @contextmanager
-def publishing(url: str | None, config: RigConfig, command: str, output: Output) -> Iterator[Publishing]:
+def run_publication(url: str | None, config: RigConfig, command: str, output: Output) -> Iterator[RunPublication]:
     """Publish to the broker at `url` during the `with` block, which opens and closes the rig.
 
     The end of the block prints how many samples the broker has got. If `url` is None, nothing is published.
     """
     if url is None:
-        yield Publishing(None, None)
+        yield RunPublication(None, None)
         return
+    from smadrive.stream.shared_memory import SharedWriter  # noqa: PLC0415
     from smadrive.telemetry.feed import RunFeed  # noqa: PLC0415 (most calls publish nothing)
-    from smadrive.tuning.link.shared_memory import SharedWriter  # noqa: PLC0415
 
     with (
         SharedWriter() as writer,
-        published(url, config, command, writer, output) as publication,
-        RunFeed(writer, config, HEATING[command]) as feed,
+        open_publication(url, config, command, writer, output) as publication,
+        RunFeed(writer, config, MODES[command]) as feed,
     ):
-        yield Publishing(feed, publication)
+        yield RunPublication(feed, publication)
 
 
 @contextmanager
-def published(url: str, config: RigConfig, command: str, writer: SharedWriter, output: Output) -> Iterator[Publication]:
+def open_publication(
+    url: str, config: RigConfig, command: str, writer: SharedWriter, output: Output
+) -> Iterator[Publication]:
     """Publish what `writer` gets during the `with` block. Say whether the broker answers, and at the end the counts."""
     from smadrive.telemetry.address import parse_address  # noqa: PLC0415
     from smadrive.telemetry.publication import Publication  # noqa: PLC0415

@@ -1,0 +1,68 @@
+"""The status of a rig that every reader of a stream gets, and the feed of a command: rows of ticks and this status."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import inf
+from typing import Any
+
+from smadrive.control.loop import Tick
+from smadrive.measurement import Measurement
+from smadrive.rig.config import RigConfig
+from smadrive.stream.samples import row_of
+from smadrive.stream.shared_memory import SharedWriter
+
+STATUS_S = 0.2
+"""The status is published with this period."""
+
+
+def common_status(
+    config: RigConfig, identities: Mapping[str, object], measurement: Measurement | None
+) -> dict[str, Any]:
+    """Return the fields of every status: rig, devices, limits, and what the last measurement says about faults.
+
+    `identities` has the type of each device by its name. `measurement` is None before the first one.
+    """
+    return {
+        "rig": config.name,
+        "rate_hz": config.rate_hz,
+        "limits": {
+            "current_max_a": config.limits.current_max_a,
+            "temperature_max_c": config.limits.temperature_max_c,
+        },
+        "devices": {name: str(identity) for name, identity in identities.items()},
+        "limited_by": [] if measurement is None else list(measurement.limits),
+        "device_faults": [] if measurement is None else list(measurement.device_faults),
+        "temperature_fault": None if measurement is None else measurement.temperature_fault,
+    }
+
+
+class TickFeed:
+    """Writes each tick as a row to `writer`, and every `STATUS_S` a status.
+
+    The status has the fields of `common_status` and those of `own`, which the feed of a command adds.
+    """
+
+    def __init__(self, writer: SharedWriter, config: RigConfig, identities: Mapping[str, object], **own: Any) -> None:
+        self._writer = writer
+        self._config = config
+        self._identities = identities
+        self._own = own
+        self._began_s: float | None = None
+        self._published_s = -inf
+        self._measurement: Measurement | None = None
+
+    def tick(self, tick: Tick) -> None:
+        """Write a tick, and every `STATUS_S` the status."""
+        if self._began_s is None:
+            self._began_s = tick.measurement.time_s - tick.time_s
+        self._writer.append(row_of(tick, self._began_s))
+        self._measurement = tick.measurement
+        if tick.time_s - self._published_s >= STATUS_S:
+            self._published_s = tick.time_s
+            self._publish()
+
+    def _publish(self, **changes: Any) -> None:
+        """Publish the status with `changes` of its own fields."""
+        self._own.update(changes)
+        self._writer.publish({**common_status(self._config, self._identities, self._measurement), **self._own})
