@@ -21,7 +21,7 @@ from smadrive.files.kinds import LOG
 from smadrive.rig.config import load_rig
 from smadrive.rig.config_checks import check_step
 from smadrive.rig.rig import Rig
-from smadrive.runs.experiments import heat, step_doubts
+from smadrive.runs.experiments import heat, planned_step_caveats
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metrics import StepMetrics, step_caveats, step_metrics, tripped_loop_metrics
 
@@ -54,7 +54,7 @@ def main(
             run_publication(publish, closed_rig.config, "heat", output) as publication,
             closed_rig as open_rig,
         ):
-            output.warn(step_doubts(open_rig, step))
+            output.warn(planned_step_caveats(open_rig, step))
             publication.begin(open_rig)
             watch = publication.watch(
                 shown(f"heating, {step}", open_rig.config.limits.current_max_a, quiet=output.quiet)

@@ -17,12 +17,13 @@ from smadrive.cli.views.announcement import announce
 from smadrive.cli.views.keyboard import end_interrupt, end_key
 from smadrive.cli.views.watch_view import Extremes, watched_values
 from smadrive.clock import VirtualClock
+from smadrive.control.loop import TickHandler
 from smadrive.display.card import count_text
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
 from smadrive.rig.config import load_rig
-from smadrive.rig.rig import Record, Rig
+from smadrive.rig.rig import Rig
 from smadrive.rig.switching_off.guardians import notes_waiting_guardians
 from smadrive.runs.experiments import observe
 from smadrive.runs.run_log import record_observation
@@ -77,7 +78,7 @@ def main(
             _check_end(open_rig, length_s)
             _print_latched(open_rig, output)
             with ExitStack() as stack:
-                takers: list[Record] = [extremes.add, *publication.takers]
+                takers: list[TickHandler] = [extremes.add, *publication.takers]
                 if log_file is not None:
                     takers.append(stack.enter_context(record_observation(log_file, open_rig, length_s)).tick)
                     announce(output, log_file, "the observation", length_s, open_rig.clock)

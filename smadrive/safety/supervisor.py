@@ -88,7 +88,7 @@ class Supervisor:
         return self.trip
 
     def check_deadline(self, missed: bool, now_s: float) -> Trip | None:
-        """Count the ticks in a row that `missed` their deadlines, and return the latched trip or None."""
+        """Count missed deadlines in a row, and return the trip or None. `missed`: this tick missed its deadline."""
         self._late_ticks = self._late_ticks + 1 if missed else 0
         if self._late_ticks >= LATE_TICKS:
             self._raise(Fault.DEADLINES_MISSED, now_s, f"{self._late_ticks} in a row")
@@ -184,7 +184,7 @@ class Supervisor:
     def _is_cool_by_displacement(self, measurement: Measurement) -> bool:
         """Return True if the measured displacement excludes a wire above `temperature_max_c`.
 
-        A wire that is colder than its heat input allows is then in a draft: the reading is right.
+        If the reading is below its band then, a draft has cooled the wire, and the reading is right.
         """
         if self._displacement_band is None or self._outside_band(measurement) is not None:
             return False

@@ -109,6 +109,8 @@ RULES = (
     Rule("wanted", "setpoint", area="smadrive/tuning/page"),
     Rule("told", "message, metadata: what it is"),
     Rule("known", "parameters, names: what it is", whole=True),
+    Rule("doubt", "DisturbanceEvidence", area="smadrive/control"),
+    Rule("doubts", "caveats"),
     Rule("bench", "SimulatedBench", ("class",), "firmware_sim", whole=True),
     Rule("bench", "Rig, SimulatedBench", area="smadrive/"),
 )
@@ -238,6 +240,7 @@ def test_class_names_are_used_once(package):
         ("self.wanted_mm = 1.0", "setpoint_mm"),
         ("class Fit:\n    about: str", "metadata"),
         ("def f(known): ...", "parameters, names: what it is"),
+        ("def unit_doubts(): ...", "caveats"),
         ("_bench = 1", "Rig, SimulatedBench"),
         ("class BenchSupply: ...", None),
         ("setpoint_mm = 1.0", None),

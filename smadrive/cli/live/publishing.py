@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from smadrive.cli.terminal.output import Output
+from smadrive.control.loop import TickHandler
 from smadrive.display.card import count_text
 from smadrive.rig.config import RigConfig
-from smadrive.rig.rig import Record, Rig
+from smadrive.rig.rig import Rig
 
 if TYPE_CHECKING:
     from smadrive.runs.experiments import Watch
@@ -57,14 +58,14 @@ class RunPublication:
             return watch
 
         @contextmanager
-        def both(recorder: TickRecorder, duration_s: float) -> Iterator[Record]:
+        def both(recorder: TickRecorder, duration_s: float) -> Iterator[TickHandler]:
             with watch(recorder, duration_s) as record:
                 yield each([record, feed.tick])
 
         return both
 
     @property
-    def takers(self) -> list[Record]:
+    def takers(self) -> list[TickHandler]:
         """The functions that publish a tick: one or none."""
         return [] if self._feed is None else [self._feed.tick]
 
@@ -73,7 +74,7 @@ class RunPublication:
         return {} if self._publication is None else {"published": self._publication.counts._asdict()}
 
 
-def each(takers: list[Record]) -> Record:
+def each(takers: list[TickHandler]) -> TickHandler:
     """Return the function that passes each tick to all `takers`."""
     if len(takers) == 1:
         return takers[0]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import inf
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis.turning_points import Memory

@@ -8,13 +8,13 @@ exchange. The builder process builds and checks models. The loop never waits for
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from math import isfinite
 
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.swappable import SwappableController
-from smadrive.control.controllers.temperature import Command
-from smadrive.control.loop import Tick
+from smadrive.control.loop import Tick, TickHandler
 from smadrive.control.references.holding import holding_reference
 from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError, SmadriveError
@@ -61,7 +61,7 @@ class TuningSession:
         references: Mapping[str, Reference],
         channel: ControlEnd,
         builder: ModelBuilder,
-        record: Callable[[Tick], None],
+        record: TickHandler,
         recorder: TickRecorder | None = None,
         expected: ExpectedRest | None = None,
     ) -> None:

@@ -7,7 +7,7 @@ from gateway import Gateway
 from marks import exhaustive
 from served import SIM, served
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import DeadlineError
