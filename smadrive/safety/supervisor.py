@@ -60,6 +60,7 @@ class Supervisor:
         self._displaced_s = inf
         self._limits_displacement = limits.has_displacement
         self._in_band_s: float | None = None
+        self._beyond_travel = Debounce(3, 4)
         self._late_ticks = 0
 
     def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
@@ -208,10 +209,12 @@ class Supervisor:
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail, f"{limits.tracking_max_mm:g} mm")
 
     def _check_displacement_band(self, measurement: Measurement) -> None:
+        band, displacement_mm = self._displacement_band, measurement.displacement_mm
+        is_impossible = self._beyond_travel.update(band is not None and band.is_beyond_travel(displacement_mm))
         outside = self._outside_band(measurement)
         if self._in_band_s is None or outside is None:
             self._in_band_s = measurement.time_s
-        elif measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
+        elif is_impossible or measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
             self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, outside)
 
     def _check_resistance_band(self, measurement: Measurement) -> None:
