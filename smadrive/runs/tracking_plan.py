@@ -22,7 +22,7 @@ from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.cycles import Cycling
 from smadrive.runs.health.assessment import expected_of, wire_file_of
-from smadrive.safety.supervisor import check_thermocouple
+from smadrive.safety.arming_checks import check_thermocouple
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.recorded_loops import dropped_turns, outside

@@ -9,20 +9,17 @@ from __future__ import annotations
 from collections import deque
 from math import inf, isfinite
 
-from smadrive.errors import SafetyError
 from smadrive.measurement import Measurement
+from smadrive.safety.arming_checks import check_may_arm
 from smadrive.safety.debounce import Debounce
 from smadrive.safety.displacement_band import DisplacementBand
-from smadrive.safety.faults import CLEAR, Fault, Trip
+from smadrive.safety.faults import Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
 
 LATE_TICKS = 20
 """This number of missed deadlines in a row is a fault."""
-
-REFUSED = "refused to arm"
-"""The beginning of every message which says that heating must not begin."""
 
 
 class Supervisor:
@@ -98,30 +95,11 @@ class Supervisor:
     def check_may_arm(self, measurement: Measurement) -> None:
         """Raise SafetyError when heating must not begin; call this only while the wire is at rest.
 
-        The reasons: a latched fault of the device, a temperature that is invalid or outside its limits, a current that
-        is unknown or flows without a command, a displacement outside its band. Without a reason, the temperature band
-        starts at the measured temperature.
+        arming_checks.py has the reasons. Without a reason, the temperature band starts at the measured temperature.
         """
-        if measurement.device_faults:
-            latched = ", ".join(measurement.device_faults)
-            raise SafetyError(f"{REFUSED}: faults are latched on the device: {latched}", cure=CLEAR)
-        check_thermocouple(measurement)
-        limits, temperature_c = self._limits, measurement.temperature_c
-        if temperature_c > limits.temperature_max_c:
-            raise _too_far(Fault.OVER_TEMPERATURE, temperature_c, "temperature_max_c", limits.temperature_max_c)
-        if temperature_c < limits.temperature_min_c:
-            raise _too_far(Fault.UNDER_TEMPERATURE, temperature_c, "temperature_min_c", limits.temperature_min_c)
-        if not isfinite(measurement.current_a):
-            fault, reason = Fault.POWER_UNKNOWN, measurement.supply_fault or "no reading of the current"
-            raise SafetyError(f"{REFUSED}: {fault.cause}", value=reason, cure=fault.remedy)
-        if measurement.current_a > limits.current_tolerance_a:
-            what, cure = f"{REFUSED}: current flows although no current was commanded", Fault.UNEXPECTED_HEATING.remedy
-            raise SafetyError(what, value=f"{measurement.current_a:.3f} A", cure=cure)
-        outside = self._outside_band(measurement)
-        if outside is not None:
-            raise SafetyError(f"{REFUSED}: {outside}", cure=Fault.DISPLACEMENT_IMPLAUSIBLE.remedy)
+        check_may_arm(measurement, self._limits, self._outside_band(measurement))
         if self._temperature_band is not None:
-            self._temperature_band.start(temperature_c)
+            self._temperature_band.start(measurement.temperature_c)
 
     def _check_device(self, measurement: Measurement) -> None:
         if measurement.device_faults:
@@ -229,18 +207,6 @@ class Supervisor:
     def _raise(self, fault: Fault, time_s: float, detail: str, limit: str | None = None) -> None:
         if self.trip is None:
             self.trip = Trip(fault, time_s, detail, limit)
-
-
-def check_thermocouple(measurement: Measurement) -> None:
-    """Raise SafetyError when the temperature of the wire is unknown."""
-    if measurement.temperature_fault or not isfinite(measurement.temperature_c):
-        fault, reason = Fault.SENSOR_INVALID, measurement.temperature_fault or "no reading"
-        raise SafetyError(f"{REFUSED}: {fault.cause}", value=reason, cure=fault.remedy)
-
-
-def _too_far(fault: Fault, temperature_c: float, key: str, limit_c: float) -> SafetyError:
-    value, limit = f"{temperature_c:.1f} °C", f"{key} = {limit_c:g} °C"
-    return SafetyError(f"{REFUSED}: {fault.cause}", value=value, limit=limit, cure=fault.remedy)
 
 
 def _is_excused(measurement: Measurement, commanded_a: float) -> bool:

@@ -91,8 +91,8 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
             connections = Connections(stack, trace_folder=None, role=Role.OFF)
             devices, unreadable = each(config.devices, _planned)
             unreadable = config.device_mistake or unreadable
-            known, unknown = each(devices, port_key)
-            keys = (*filter(None, known), *(config.keys if unreadable or unknown else ()))
+            keyed, unkeyed = each(devices, port_key)
+            keys = (*filter(None, keyed), *(config.keys if unreadable or unkeyed else ()))
             early, refused = stop_drivers(keys)
             stopped += early
             off, failure = each(

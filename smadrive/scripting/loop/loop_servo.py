@@ -27,7 +27,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 from smadrive.runs.tracking_plan import APPROACH_S
-from smadrive.safety.supervisor import check_thermocouple
+from smadrive.safety.arming_checks import check_thermocouple
 from smadrive.scripting.loop.motions import FollowMotion, MoveMotion
 from smadrive.scripting.loop.servo_messages import (
     FollowCommand,

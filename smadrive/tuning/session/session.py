@@ -23,8 +23,8 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.health.assessment import health_lines
 from smadrive.runs.run_log import TickRecorder
 from smadrive.runs.session_record import SESSION_ENDED
+from smadrive.safety.arming_checks import check_thermocouple
 from smadrive.safety.shutdown import ends_safe, shutdown_of
-from smadrive.safety.supervisor import check_thermocouple
 from smadrive.stream.samples import row_of
 from smadrive.tuning.builder.build import ModelBuilder, tuned_controller
 from smadrive.tuning.link.channel import MESSAGES_PER_TICK, ControlEnd

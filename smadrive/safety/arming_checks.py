@@ -1,0 +1,57 @@
+"""What must hold of a measurement before the wire is heated."""
+
+from __future__ import annotations
+
+from math import isfinite
+
+from smadrive.errors import SafetyError
+from smadrive.measurement import Measurement
+from smadrive.safety.faults import CLEAR, Fault
+from smadrive.safety.safety_limits import SafetyLimits
+
+REFUSED = "refused to arm"
+"""The beginning of every message which says that heating must not begin."""
+
+
+def check_may_arm(measurement: Measurement, limits: SafetyLimits, outside: str | None) -> None:
+    """Raise SafetyError when heating must not begin.
+
+    The reasons: a latched fault of the device, a temperature that is invalid or outside its limits, a current that is
+    unknown or flows without a command, a displacement outside its band. `outside` describes such a displacement.
+    """
+    if measurement.device_faults:
+        latched = ", ".join(measurement.device_faults)
+        raise SafetyError(f"{REFUSED}: faults are latched on the device: {latched}", cure=CLEAR)
+    check_thermocouple(measurement)
+    _check_temperature(measurement.temperature_c, limits)
+    _check_current(measurement, limits)
+    if outside is not None:
+        raise SafetyError(f"{REFUSED}: {outside}", cure=Fault.DISPLACEMENT_IMPLAUSIBLE.remedy)
+
+
+def check_thermocouple(measurement: Measurement) -> None:
+    """Raise SafetyError when the temperature of the wire is unknown."""
+    if measurement.temperature_fault or not isfinite(measurement.temperature_c):
+        fault, reason = Fault.SENSOR_INVALID, measurement.temperature_fault or "no reading"
+        raise SafetyError(f"{REFUSED}: {fault.cause}", value=reason, cure=fault.remedy)
+
+
+def _check_temperature(temperature_c: float, limits: SafetyLimits) -> None:
+    if temperature_c > limits.temperature_max_c:
+        raise _too_far(Fault.OVER_TEMPERATURE, temperature_c, "temperature_max_c", limits.temperature_max_c)
+    if temperature_c < limits.temperature_min_c:
+        raise _too_far(Fault.UNDER_TEMPERATURE, temperature_c, "temperature_min_c", limits.temperature_min_c)
+
+
+def _check_current(measurement: Measurement, limits: SafetyLimits) -> None:
+    if not isfinite(measurement.current_a):
+        fault, reason = Fault.POWER_UNKNOWN, measurement.supply_fault or "no reading of the current"
+        raise SafetyError(f"{REFUSED}: {fault.cause}", value=reason, cure=fault.remedy)
+    if measurement.current_a > limits.current_tolerance_a:
+        what, cure = f"{REFUSED}: current flows although no current was commanded", Fault.UNEXPECTED_HEATING.remedy
+        raise SafetyError(what, value=f"{measurement.current_a:.3f} A", cure=cure)
+
+
+def _too_far(fault: Fault, temperature_c: float, key: str, limit_c: float) -> SafetyError:
+    value, limit = f"{temperature_c:.1f} °C", f"{key} = {limit_c:g} °C"
+    return SafetyError(f"{REFUSED}: {fault.cause}", value=value, limit=limit, cure=fault.remedy)
