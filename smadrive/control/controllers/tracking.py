@@ -151,7 +151,8 @@ class TrackingController:
             reversal = before.state.reversal if before._reference is self._reference else None
             estimate = self._observer.adopt(before.state.estimate)
             ahead = self._observer.adopt(before.state.ahead)
-            self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead)
+            sensing = self._sensing.adopt(before.state.sensing, before._sensing)
+            self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead, sensing=sensing)
             self._feedback.take_over(before._feedback, self._integral_w(before, estimate.temperature_c))
 
     def _integral_w(self, before: TrackingController, temperature_c: float) -> float:

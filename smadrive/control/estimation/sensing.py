@@ -68,6 +68,11 @@ class Sensing(NamedTuple):
         """True while the resistance is the source, also in a tick whose current is too small for it."""
         return self.is_doubted or self.source is DisplacementFrom.RESISTANCE
 
+    @property
+    def in_force(self) -> DisplacementFrom:
+        """The source in force. It may differ from the chosen one, and is `NONE` while that shows nothing."""
+        return DisplacementFrom.RESISTANCE if self.needs_resistance else self.source
+
 
 class Seen(NamedTuple):
     """The displacement for the observer, and that by the resistance."""
@@ -93,6 +98,15 @@ class DisplacementSensing:
         """Return the state before the first measurement."""
         lead = LeadChange.unknown(1.0) if self._resistance is None else self._resistance.unknown_lead()
         return Sensing(lead)
+
+    def adopt(self, state: Sensing, before: DisplacementSensing) -> Sensing:
+        """Return the state with which this sensing continues that of `before`.
+
+        Another chosen source is judged anew. The leads stay those that were measured.
+        """
+        if before._chosen is self._chosen:
+            return state
+        return Sensing(state.lead, cold_s=state.cold_s)
 
     def start_mm(self, measurement: Measurement) -> float:
         """Return the displacement of the sensor if it is the source, otherwise NaN."""
@@ -129,8 +143,9 @@ class DisplacementSensing:
         trusted = sensor if is_trusted else UNSEEN
         lead = self._resistance.lead(state.lead, measurement, before, ahead, trusted, dt_s)
         used = {DisplacementFrom.SENSOR: sensor, DisplacementFrom.RESISTANCE: by_resistance}.get(source, UNSEEN)
+        is_cold = self._resistance.is_cold(before)
         is_doubted = state.has_sensor and source is not DisplacementFrom.SENSOR
-        cold_s = state.cold_s + dt_s if self._resistance.is_cold(before) else inf
+        cold_s = state.cold_s + dt_s * self._resistance.measures_leads(measurement) if is_cold else inf
         state = state._replace(lead=lead, source=source, is_doubted=is_doubted, cold_s=cold_s)
         return state, Seen(used, by_resistance)
 
