@@ -22,11 +22,13 @@ from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_properties import WireProperties
 
 CHROMIUM = shutil.which("chromium")
 BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
-WIRE = WireProperties(BALANCE)
+RESISTANCE = WireResistance(22.0, 16.5, 0.0, 0.0, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), (14.52,) * 3)
+WIRE = WireProperties(BALANCE, RESISTANCE)
 PATIENCE_S = 300.0
 """A test fails after this time if an expected change does not come. Usually the change comes within a second."""
 
