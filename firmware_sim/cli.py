@@ -77,7 +77,8 @@ def serve(
     time: Annotated[
         Time,
         typer.Option(
-            help="Source of the time: real is the machine's clock, lockstep (in 0.1: driven) is standard input."
+            help="Source of the time: real (the machine's clock) or lockstep (standard input). "
+            "driven is an older name of lockstep."
         ),
     ] = Time.REAL,
     board: Annotated[

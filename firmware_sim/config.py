@@ -46,7 +46,7 @@ class RPhase(Section):
 
 
 class Resistance(Section):
-    """How the resistance of the wire depends on more than its austenite fraction; see physics/resistance.py.
+    """Effects on the resistance of the wire besides its austenite fraction; see physics/resistance.py.
 
     `martensite_per_k` and `austenite_per_k` are temperature coefficients at the ambient temperature. `strain` is the
     strain of the cold wire, whose geometry changes the resistance.

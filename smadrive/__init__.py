@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from smadrive.control.controllers.temperature import Command
+    from smadrive.control.controllers.interface import Command
     from smadrive.control.references.reference import Reference
     from smadrive.control.references.shapes import chirp, sine, staircase, steps, trapezoid, triangle
     from smadrive.measurement import Measurement
@@ -47,7 +47,7 @@ if TYPE_CHECKING:
     __version__: str
 else:
     _MODULES = {
-        "control.controllers.temperature": ("Command",),
+        "control.controllers.interface": ("Command",),
         "control.references.reference": ("Reference",),
         "control.references.shapes": ("chirp", "sine", "staircase", "steps", "trapezoid", "triangle"),
         "measurement": ("Measurement",),

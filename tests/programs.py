@@ -29,7 +29,8 @@ from pathlib import Path
 COMMANDS = ("calibrate", "demo", "excite", "heat", "identify", "off", "probe", "report", "run", "scan", "watch")
 IMPORTED = (
     *("numpy", "scipy.optimize", "h5py", "pydantic", "serial", "pymodbus.pdu", "cloudpickle", "tomlkit"),
-    *("typer", "rich.markdown", "rich.padding", "rich.table", "firmware_sim.cli", "smadrive.scripting.open_rig"),
+    *("scipy.signal", "typer", "typer.rich_utils", "rich.markdown", "rich.padding", "rich.progress", "rich.table"),
+    *("firmware_sim.cli", "smadrive.scripting.open_rig"),
     *("smadrive.cli.parsing.app", "smadrive.cli.terminal.table", *(f"smadrive.cli.{name}" for name in COMMANDS)),
 )
 STATUS = struct.Struct("i")

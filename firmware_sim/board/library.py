@@ -1,7 +1,6 @@
 """The shared library of the board core: built once for each state of its sources, and loaded.
 
-The library lies in the user's cache folder, under a digest of the sources. The environment variable
-SMADRIVE_BOARD_LIBRARY names another library, built with a sanitizer or for coverage.
+The environment variable SMADRIVE_BOARD_LIBRARY names another library, built with a sanitizer or for coverage.
 """
 
 from __future__ import annotations
@@ -9,8 +8,6 @@ from __future__ import annotations
 import ctypes
 import os
 import shutil
-import subprocess
-import tempfile
 from ctypes import (
     POINTER,
     Structure,
@@ -25,14 +22,14 @@ from ctypes import (
     c_void_p,
 )
 from functools import cache
-from hashlib import sha256
 from pathlib import Path
 
+from firmware_sim.board.build import Product, built
 from smadrive.errors import ConfigError
 
 FOLDER = Path(__file__).parent
+CORE, NATIVE = FOLDER / "core", FOLDER / "native"
 PREBUILT = "SMADRIVE_BOARD_LIBRARY"
-LIBRARY = "libboard.so"
 WORDS = 71
 """The number of addresses of the map, with those that do not exist."""
 
@@ -84,32 +81,7 @@ def missing_tool() -> str | None:
     return next((tool for tool in ("make", "gcc") if shutil.which(tool) is None), None)
 
 
-@cache
-def board_library() -> ctypes.CDLL:
-    """Return the library, which is built if necessary. ConfigError if a tool is missing or the build fails."""
-    library = ctypes.CDLL(os.environ.get(PREBUILT) or str(_built()))
-    _declare(library)
-    return library
-
-
-def cache_folder() -> Path:
-    """Return the folder for what is built from C."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "smadrive"
-
-
-def _built() -> Path:
-    path = cache_folder() / f"board-{_digest()}" / LIBRARY
-    if not path.exists():
-        _build(path)
-    return path
-
-
-def _digest() -> str:
-    sources = sorted(path for part in ("core", "native") for path in (FOLDER / part).iterdir() if path.is_file())
-    return sha256(b"\0".join(path.read_bytes() for path in sources)).hexdigest()[:16]
-
-
-def _build(path: Path) -> None:
+def _check_tools() -> None:
     if (tool := missing_tool()) is not None:
         raise ConfigError(
             "the board core cannot be built",
@@ -117,15 +89,17 @@ def _build(path: Path) -> None:
             value="not found",
             cure="install it (Debian packages gcc and make), or use the implementation python",
         )
-    cache_folder = path.parent.parent
-    cache_folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=cache_folder) as building:
-        command = ["make", "-s", "-C", str(FOLDER / "native"), "library", f"BUILD={building}"]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise ConfigError("the board core cannot be built", where=str(FOLDER), value=done.stderr.strip()[-2000:])
-        path.parent.mkdir(exist_ok=True)
-        (Path(building) / LIBRARY).replace(path)  # at once, so that no other process loads a part of it
+
+
+LIBRARY = Product("libboard.so", "the board core", NATIVE, (CORE, NATIVE), _check_tools)
+
+
+@cache
+def board_library() -> ctypes.CDLL:
+    """Return the library, which is built if necessary. ConfigError if a tool is missing or the build fails."""
+    library = ctypes.CDLL(os.environ.get(PREBUILT) or str(built(LIBRARY)))
+    _declare(library)
+    return library
 
 
 def _declare(library: ctypes.CDLL) -> None:

@@ -4,10 +4,10 @@
                  short_count, refuse, defer, split, early, stale
     the line     noise (random bytes), vanish (the port is gone, and comes back)
 
-A fault of replies lasts for a number of `replies`, or for `for_s` seconds from now. Planned faults act in
-their order: a reply gets only the first fault that is not over yet. The device carries out a request even when the
-reply is lost or corrupted. Only under `refuse` it does not carry out the request. Replies arrive in the order of their
-requests, so a late reply also delays the replies after it.
+A fault of replies lasts for a number of `replies`, or for `for_s` seconds from now. Planned faults act one after the
+other: a reply gets only the first fault that is not over yet. The device carries out a request even when the reply is
+lost or corrupted. Only under `refuse` it does not carry out the request. Replies arrive in the order of their requests,
+so a late reply also delays the replies after it.
 """
 
 from __future__ import annotations

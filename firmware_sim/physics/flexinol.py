@@ -8,8 +8,8 @@ for thin cylinders in still air (Advances in Heat Transfer 11, 1975) gives the h
 Nu and Ra are the Nusselt and Rayleigh numbers, C and n Morgan's constants, d the diameter, T the wire temperature. The
 air at film temperature (T + T_amb)/2 has conductivity k, expansion β, viscosity ν and diffusivity α.
 
-Thin wires need two corrections. First, still air surrounds a wire of radius r out to the radius r e^(2/Nu). This sleeve
-of air warms and cools with the wire. At 0.025 mm it stores more than half as much heat as the wire. Second, the
+Thin wires need two corrections. First, a sleeve of still air surrounds a wire of radius r, out to the radius r
+e^(2/Nu). It warms and cools with the wire. At 0.025 mm it stores more than half as much heat as the wire. Second, the
 vendor's current contracts the wire, so the loss cannot exceed the heat of this current. At 0.025 and 0.05 mm this limit
 is lower than the loss of the correlation.
 

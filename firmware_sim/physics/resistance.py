@@ -8,16 +8,17 @@ by 1 + ε, and its cross section is smaller by 1 + ε, so its resistance grows b
 the full strain ε_0, and g = ((1 + ε)/(1 + ε_0))². At the reference temperature the hot wire has R_cold (1 + r).
 
 On cooling, austenite may turn into the R-phase before it turns into martensite. The R-phase hardly strains the wire,
-but its resistivity is larger by the fraction h. Its own hysteresis is 1 to 2 K and left out, so the share of the
-austenite that is R-phase depends on the temperature alone: s(T) = Φ((T_R - T)/σ_R). A heated wire has almost no
+but its resistivity is larger by the fraction h. The hysteresis of the R-phase, 1 to 2 K, is left out. So the share of
+the austenite that is R-phase depends on the temperature alone: s(T) = Φ((T_R - T)/σ_R). A heated wire has almost no
 austenite at such temperatures, so the hump appears on cooling only.
 
 The vendor gives resistivities of about 76 (martensite) and 82 µΩ cm (austenite) for Flexinol; the values of other
-vendors are 80 and 100 (SMA Inc., Memry). With the strain's geometry these alone hardly change the resistance. Loaded
-Flexinol loses 10 to 15 % when it contracts, because stretched martensite has a larger resistivity. So r is a parameter
-of its own. That temperature and R-phase matter for the resistance of actuator wires: Song, Kubica and Gorbet,
-Resistance Modelling of SMA Wire Actuators, NDT in Aerospace, Montreal 2011. The temperature coefficient of the
-austenite may even be negative in alloys with more nickel: Kakeshita et al., Jpn. J. Appl. Phys. 37, 2535 (1998).
+vendors are 80 and 100 (SMA Inc., Memry). Together with the geometry of the strain, these resistivities hardly change
+the resistance. Loaded Flexinol loses 10 to 15 % when it contracts, because stretched martensite has a larger
+resistivity. So r is a parameter of its own. Song, Kubica and Gorbet (Resistance Modelling of SMA Wire Actuators, NDT in
+Aerospace, Montreal 2011) show the effects of temperature and R-phase on the resistance of actuator wires. The
+temperature coefficient of the austenite may even be negative in alloys with more nickel: Kakeshita et al., Jpn. J.
+Appl. Phys. 37, 2535 (1998).
 """
 
 from __future__ import annotations

@@ -1,11 +1,12 @@
 """The bead of the thermocouple between the wire and the air.
 
 The bead touches the wire with the conductance c G, and the air with `AIR` G. The contact c is 1 for a bead that is
-tight on the wire, and nearly 0 for a loose one. The converter is calibrated with a tight bead. So the bead follows
+tight on the wire, and nearly 0 for a loose one. The converter is calibrated with a tight bead. So the
+temperature of the bead follows T_b with the time constant τ:
 
-    T_amb + s (T - T_amb)          s = c (1 + AIR)/(c + AIR)          lag · (1 + AIR)/(c + AIR)
+    T_b = T_amb + s (T - T_amb)          s = c (1 + AIR)/(c + AIR)          τ = lag · (1 + AIR)/(c + AIR)
 
-with T the temperature of the wire, T_amb that of the air, and `lag` the time constant of the tight bead. A bead that
+T is the temperature of the wire, T_amb that of the air, and `lag` the time constant of the tight bead. A bead that
 comes off therefore becomes slower, and its reading falls towards the temperature of the air.
 """
 

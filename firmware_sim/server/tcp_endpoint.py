@@ -58,7 +58,7 @@ class TcpEndpoint:
     def descriptors(self) -> list[int]:
         """Return the descriptors of the connections, then the descriptor of the listening socket.
 
-        So clients that leave are removed before new clients are accepted.
+        With this order, clients that leave are removed before new clients are accepted.
         """
         return [] if self._listener.fileno() < 0 else [*self._connections, self._listener.fileno()]
 

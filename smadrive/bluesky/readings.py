@@ -21,7 +21,7 @@ PRECISION = {
 """The columns that are read, and the number of their decimal places."""
 
 MEASURED = {"displacement_mm": "displacement", "temperature_c": "temperature"}
-"""Columns that a rig may lack, and the quantity that it must measure."""
+"""Columns that not every rig has, and for each the quantity that a rig must measure to have it."""
 
 OF_THE_COMMAND = ("setpoint_mm", "estimated_mm")
 """Columns without a value while no servo runs; they are then NaN."""
@@ -43,7 +43,7 @@ class Alarm(NamedTuple):
 
 
 class Readings:
-    """The readings of the wire `name` on a rig with these measured `quantities`."""
+    """The readings of the wire `name` on a rig that measures `quantities`."""
 
     def __init__(self, name: str, source: str, quantities: Iterable[str]) -> None:
         self._source = source

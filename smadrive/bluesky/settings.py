@@ -48,7 +48,7 @@ class SmaWireSettings:
         return {f"{device}_{name}": {"value": value, "timestamp": now_s} for name, value in values.items()}
 
     def describe(self, device: str, texts: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """Return the data keys of `read`; `texts` are the names of the texts."""
+        """Return the data keys of `read`; `texts` are the names of its texts."""
         numbers = {
             name: {"source": f"smadrive:{device}", "dtype": "number", "shape": [], "units": unit}
             for name, unit in UNITS.items()

@@ -2,8 +2,8 @@
 
 The device follows the protocols of bluesky by its methods alone. A servo (scripting/servo.py) begins with the first
 `set` or `kickoff`, and drives the wire until `stop`, `pause` or `unstage`, which end at zero current, confirmed by
-read-back. A run engine stops what it has set, but does not stop a flyer: `kickoff` is refused unless the wire is
-staged, because the run engine unstages it after an abort.
+read-back. After an abort, a run engine stops the devices that it has set, but not a flyer. It also unstages every
+staged device. So `kickoff` needs a staged wire.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any
 
 from smadrive.bluesky.readings import Readings, WireSample
 from smadrive.bluesky.settings import SmaWireSettings
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, MotionError
@@ -88,7 +88,7 @@ class SmaWire:
         return self._followed(motion)
 
     def locate(self) -> dict[str, float]:
-        """Return the setpoint and the displacement, in mm. Without a setpoint, it is the displacement."""
+        """Return the setpoint and the displacement, in mm. Without a setpoint, both are the displacement."""
         readback_mm = self._readings.values(self._sample())[self._readings.main]
         return {"setpoint": readback_mm if self._setpoint_mm is None else self._setpoint_mm, "readback": readback_mm}
 
@@ -137,9 +137,10 @@ class SmaWire:
         return [self]
 
     def stop(self, success: bool = True) -> None:
-        """Switch the heater off, confirmed by read-back. Motions that are under way end as `success` says.
+        """Switch the heater off, confirmed by read-back. The statuses of the motions under way end with `success`.
 
-        Raises an error only if the heater is not confirmed off: a trip has failed its motion already.
+        Raises an error only if the heater is not confirmed off. A trip raises no error here, because the status of its
+        motion has failed already.
         """
         pending, self._pending = self._pending, []
         for motion in pending:
@@ -209,7 +210,10 @@ class SmaWire:
         flown.add_callback(lambda _motion: servo.takers.remove(take))
 
     def _end(self, servo: Servo) -> None:
-        """End a servo. If its error does not confirm the heater off, switch off once more."""
+        """Stop a servo.
+
+        If it ended with an error that carries no confirmed shutdown, and the rig is open, switch the heater off.
+        """
         with suppress(Exception):
             servo.stop()
         outcome = None if servo.error is None else shutdown_of(servo.error)

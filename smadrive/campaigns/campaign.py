@@ -63,8 +63,8 @@ def conduct(
 def write_worst_logs(client: Client, plan: CampaignPlan, table: DataFrame, folder: Path) -> dict[int, Path]:
     """Execute the worst tracking runs again, with a log. Return the logs by the numbers of the runs.
 
-    A run depends on its settings alone, so the repeated run is the same run. No log has to be kept before the worst
-    runs are certain.
+    A run depends on its settings alone, so the repeated run equals the first one. So no log is kept until the worst
+    runs are known.
     """
     ranked = worst_first(table[table["status"] != "failed"], plan.metric)
     numbers = [int(number) for number in ranked["run"].head(plan.config.report.worst_logs)]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -16,21 +16,21 @@ from smadrive.cli.views.announcement import announce_excitation
 from smadrive.cli.views.fit_view import fit_result
 from smadrive.cli.views.metrics_table import HEADER, table_row
 from smadrive.cli.views.reports.demo_report import write_demo_report
-from smadrive.cli.views.run_view import watched
+from smadrive.cli.views.run_view import shown
 from smadrive.clock import Clock
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse, StaticMap
-from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.identification.wire import WireFit, identify_wire
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
+from smadrive.runs.experiments import Watch, excite, plan_excitation, track
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.run_log import TickRecorder, record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record
 from smadrive.runs.run_metrics import TrackingMetrics, tracking_metrics
-from smadrive.runs.tracking_plan import APPROACH_S
+from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.testing.simulator import ServedSimulator
+from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
 
 FOLDER = "smadrive-demo"
@@ -89,7 +89,7 @@ def main(
                 WITH: HysteresisInverse(wire.hysteresis.model),
                 WITHOUT: StaticMap(wire.thermal.wire_temperature_c, excitation.column("displacement_mm")),
             }
-            arms = [session.track(name, inverse, wire) for name, inverse in inverses.items()]
+            arms = [session.track(name, inverse, wire.wire) for name, inverse in inverses.items()]
     with output.progress("writing the report"):
         write_demo_report(report, wire, excitation, [(arm.name, arm.log, arm.metrics) for arm in arms])
     output.table(HEADER, [table_row(arm.name, arm.metrics) for arm in arms])
@@ -115,40 +115,26 @@ class _Session:
     output: Output
 
     def excite(self) -> Log:
-        path, excitation = self.folder / "excitation.h5", self.rig.excitation(self._temperature_c())
+        path, excitation = self.folder / "excitation.h5", plan_excitation(self.rig)
         announce_excitation(self.output, excitation, self.rig.clock)
-        with (
-            record_excitation(path, self.rig, excitation, seed=str(self.seed)) as recorder,
-            self._watched(recorder, "exciting", excitation.duration_s) as record,
-        ):
-            self.rig.excite(excitation, record)
+        excite(path, self.rig, excitation, self._watch("exciting"), seed=str(self.seed))
         return read_log(path)
 
     def identify(self, log: Log) -> WireFit:
         with self.output.progress("identifying"):
             return identify_wire(excitation_record(log), self.rig.nominal_balance)
 
-    def track(self, name: str, inverse: DisplacementInverse, wire: WireFit) -> DemoRun:
-        model, balance = wire.hysteresis.model, wire.thermal.balance
+    def track(self, name: str, inverse: DisplacementInverse, wire: IdentifiedWire) -> DemoRun:
         self.rig.cool_down(REST_S)
-        experiment = _reference(*travel_mm(model)), model, balance, inverse
+        plan = plan_tracking(self.rig, _reference(*travel_mm(wire.model)), wire, smooth=False, smooth_option="smooth")
+        self.output.warn(plan.caveats)
         path = self.folder / f"{name.replace(' ', '-')}.h5"
-        with (
-            record_tracking(path, self.rig, *experiment, seed=str(self.seed)) as recorder,
-            self._watched(recorder, f"tracking, {name}", experiment[0].duration_s) as record,
-        ):
-            loop = self.rig.track(*experiment, record)
+        loop = track(path, self.rig, plan, self._watch(f"tracking, {name}"), inverse, seed=str(self.seed))
         log = read_log(path)
         return DemoRun(name, log, tracking_metrics(log, loop))
 
-    def _temperature_c(self) -> float:
-        return self.rig.measure().temperature_c
-
-    def _watched(
-        self, recorder: TickRecorder, title: str, duration_s: float
-    ) -> AbstractContextManager[Callable[[Tick], None]]:
-        limit_a = self.rig.config.limits.current_max_a
-        return watched(recorder, title, duration_s, limit_a, quiet=self.output.quiet)
+    def _watch(self, title: str) -> Watch:
+        return shown(title, self.rig.config.limits.current_max_a, quiet=self.output.quiet)
 
 
 @contextmanager
@@ -168,4 +154,4 @@ def _unused_folder() -> Path:
 
 def _reference(cold_mm: float, hot_mm: float) -> Reference:
     low_mm, high_mm = (cold_mm + part * (hot_mm - cold_mm) for part in (LOW, HIGH))
-    return sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=2.0).with_approach(cold_mm, APPROACH_S)
+    return sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=2.0)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from smadrive.cli.live.publishing import Publish, Publishing, publishing
+from smadrive.cli.live.publishing import Publish, RunPublication, run_publication
 from smadrive.cli.parsing.options import RigFile, TraceFolder
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
@@ -42,28 +42,30 @@ def main(
         with (
             log_named_at_interruption(log_file, "the experiment"),
             health_recorded(log_file, output.warn),
-            publishing(publish, config, "excite", output) as stream,
+            run_publication(publish, config, "excite", output) as publication,
             Rig(config, trace_folder=trace) as open_rig,
         ):
-            stream.begin(open_rig)
+            publication.begin(open_rig)
             excitation = plan_excitation(open_rig)
-            metrics = _excite(log_file, open_rig, excitation, output, stream)
+            metrics = _excite(log_file, open_rig, excitation, output, publication)
     except TripError as trip:
         try:
             log = read_log(log_file)
-            planned, published = excitation_of(log), stream.result()
+            planned, published = excitation_of(log), publication.result()
             _print_metrics(log_file, tripped_loop_metrics(log), planned, output, published, tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
-    _print_metrics(log_file, metrics, excitation, output, stream.result(), tripped=None)
+    _print_metrics(log_file, metrics, excitation, output, publication.result(), tripped=None)
 
 
-def _excite(log_file: Path, rig: Rig, excitation: Excitation, output: Output, stream: Publishing) -> LoopMetrics:
+def _excite(
+    log_file: Path, rig: Rig, excitation: Excitation, output: Output, publication: RunPublication
+) -> LoopMetrics:
     """Excite the wire, record the run in `log_file`, show it and publish it. Return the metrics of the loop.
 
     TripError after a trip.
     """
-    watch = stream.watch(shown("exciting", rig.config.limits.current_max_a, quiet=output.quiet))
+    watch = publication.watch(shown("exciting", rig.config.limits.current_max_a, quiet=output.quiet))
     announced_watch = announced(output, log_file, "the experiment", rig.clock, watch, excitation)
     return excite(log_file, rig, excitation, announced_watch)
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from smadrive.cli.live.publishing import Publish, publishing
+from smadrive.cli.live.publishing import Publish, run_publication
 from smadrive.cli.parsing.options import RigFile, TraceFolder
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
@@ -21,7 +21,7 @@ from smadrive.files.kinds import LOG
 from smadrive.rig.config import load_rig
 from smadrive.rig.config_checks import check_step
 from smadrive.rig.rig import Rig
-from smadrive.runs.experiments import heat, step_doubts
+from smadrive.runs.experiments import heat, planned_step_caveats
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metrics import StepMetrics, step_caveats, step_metrics, tripped_loop_metrics
 
@@ -51,20 +51,22 @@ def main(
     try:
         with (
             log_named_at_interruption(log_file, "the step"),
-            publishing(publish, closed_rig.config, "heat", output) as stream,
+            run_publication(publish, closed_rig.config, "heat", output) as publication,
             closed_rig as open_rig,
         ):
-            output.warn(step_doubts(open_rig, step))
-            stream.begin(open_rig)
-            watch = stream.watch(shown(f"heating, {step}", open_rig.config.limits.current_max_a, quiet=output.quiet))
+            output.warn(planned_step_caveats(open_rig, step))
+            publication.begin(open_rig)
+            watch = publication.watch(
+                shown(f"heating, {step}", open_rig.config.limits.current_max_a, quiet=output.quiet)
+            )
             loop = heat(log_file, open_rig, step, announced(output, log_file, "the step", open_rig.clock, watch))
     except TripError as trip:
         try:
             log = read_log(log_file)
-            _print_metrics(log, step, tripped_loop_metrics(log), output, stream.result(), tripped=str(trip))
+            _print_metrics(log, step, tripped_loop_metrics(log), output, publication.result(), tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
-    _print_metrics(read_log(log_file), step, loop, output, stream.result(), tripped=None)
+    _print_metrics(read_log(log_file), step, loop, output, publication.result(), tripped=None)
 
 
 def _print_metrics(

@@ -9,7 +9,7 @@ from typing import Annotated, Any, NamedTuple
 
 import typer
 
-from smadrive.cli.live.publishing import Publish, publishing
+from smadrive.cli.live.publishing import Publish, run_publication
 from smadrive.cli.parsing.options import RigFile, TraceFolder, model_file
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
@@ -95,10 +95,10 @@ def main(
         with (
             log_named_at_interruption(log_file, "the run", rest),
             health_recorded(log_file, output.warn),
-            publishing(publish, config, "run", output) as stream,
+            run_publication(publish, config, "run", output) as publication,
             Rig(config, trace_folder=trace) as open_rig,
         ):
-            stream.begin(open_rig)
+            publication.begin(open_rig)
             plan = plan_tracking(
                 open_rig,
                 given.reference,
@@ -111,14 +111,14 @@ def main(
             plan = replace(plan, caveats=(*given.caveats, *plan.caveats))
             warned = plan.caveats
             output.warn(warned)
-            watch = stream.watch(shown("tracking", config.limits.current_max_a, quiet=output.quiet))
+            watch = publication.watch(shown("tracking", config.limits.current_max_a, quiet=output.quiet))
             loop = track(log_file, open_rig, plan, announced(output, log_file, "the run", open_rig.clock, watch))
     except TripError as trip:
         try:
-            _print_metrics(read_log(log_file), None, output, warned, stream.result(), tripped=str(trip))
+            _print_metrics(read_log(log_file), None, output, warned, publication.result(), tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
-    _print_metrics(read_log(log_file), loop, output, warned, stream.result(), tripped=None)
+    _print_metrics(read_log(log_file), loop, output, warned, publication.result(), tripped=None)
 
 
 def _given(config: RigConfig, reference: str | None, model: Path | None, repeat: int | None) -> _Given:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from smadrive.cli.live.page import check_bokeh, check_real_time
-from smadrive.cli.live.publishing import OFF_BY_MQTT, Publish, published
+from smadrive.cli.live.publishing import OFF_BY_MQTT, Publish, open_publication
 from smadrive.cli.parsing.options import PAGE_PORT, RigFile, model_file
 from smadrive.cli.terminal.output import AsJson, Output, make_folder
 from smadrive.cli.views.tune_view import TuneView, watched
@@ -79,14 +79,14 @@ def main(
         _named_at_the_end(output) as log_files,
         BuilderProcess() as builder,
         ControlEnd() as channel,
-        _published(publish, config, channel, output) as stream,
+        _publication(publish, config, channel, output) as publication,
         Rig(config) as open_rig,
     ):
         properties = WireProperties(wire.heat_balance or open_rig.nominal_balance, wire.resistance)
         _check(open_rig, properties, tuning, output)
         check_real_time(open_rig)
-        if stream is not None:
-            stream.on_off = lambda: open_rig.stop.request(OFF_BY_MQTT)
+        if publication is not None:
+            publication.on_off = lambda: open_rig.stop.request(OFF_BY_MQTT)
         page = TuningPage(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
         view = TuneView(config.name, page, channel)
         log_file = new_log_file(folder)
@@ -113,11 +113,11 @@ def main(
                     session.run()
 
 
-def _published(
+def _publication(
     url: str | None, config: RigConfig, channel: ControlEnd, output: Output
 ) -> AbstractContextManager[Publication | None]:
     """Return the context in which the session is published, or an empty one without `--publish`."""
-    return nullcontext() if url is None else published(url, config, "tune", channel, output)
+    return nullcontext() if url is None else open_publication(url, config, "tune", channel, output)
 
 
 def _check(rig: Rig, wire: WireProperties, tuning: Tuning, output: Output) -> None:

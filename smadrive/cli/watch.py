@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from smadrive.cli.live.publishing import Publish, each, publishing
+from smadrive.cli.live.publishing import Publish, each, run_publication
 from smadrive.cli.parsing.options import PAGE_PORT, RigFile, TraceFolder
 from smadrive.cli.terminal.output import Output
 from smadrive.cli.terminal.stdout import is_unread
@@ -17,12 +17,13 @@ from smadrive.cli.views.announcement import announce
 from smadrive.cli.views.keyboard import end_interrupt, end_key
 from smadrive.cli.views.watch_view import Extremes, watched_values
 from smadrive.clock import VirtualClock
+from smadrive.control.loop import TickHandler
 from smadrive.display.card import count_text
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
 from smadrive.rig.config import load_rig
-from smadrive.rig.rig import Record, Rig
+from smadrive.rig.rig import Rig
 from smadrive.rig.switching_off.guardians import notes_waiting_guardians
 from smadrive.runs.experiments import observe
 from smadrive.runs.run_log import record_observation
@@ -70,14 +71,14 @@ def main(
     try:
         with (
             notes_waiting_guardians(),
-            publishing(publish, config, "watch", output) as stream,
+            run_publication(publish, config, "watch", output) as publication,
             Rig(config, trace_folder=trace) as open_rig,
         ):
-            stream.begin(open_rig)
+            publication.begin(open_rig)
             _check_end(open_rig, length_s)
             _print_latched(open_rig, output)
             with ExitStack() as stack:
-                takers: list[Record] = [extremes.add, *stream.takers]
+                takers: list[TickHandler] = [extremes.add, *publication.takers]
                 if log_file is not None:
                     takers.append(stack.enter_context(record_observation(log_file, open_rig, length_s)).tick)
                     announce(output, log_file, "the observation", length_s, open_rig.clock)

@@ -79,12 +79,12 @@ class Feasibility:
     """The result of a simulated run of a reference.
 
     `nearest` is the reference that the wire can follow: the reference itself if this is feasible. The largest error is
-    `shortfall_mm`, at the time `at_s`, and `limit` names the cause of this error. While the wire fell behind, the
-    mean rates of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest
-    temperature of the run, and `sections_c` are the sections of its temperature path. `stroke_mm` is the travel of the
-    wire. `at_s` lies `in_approach` if the wire falls behind before the reference itself begins. After its approach the
-    reference lasts `scored_s` seconds, has the span `span_mm` and the mean speed `speed_mm_per_s`. `hot_start_mm` is
-    its first displacement if this lies at the hot end of the span, otherwise None.
+    `shortfall_mm`, at the time `at_s`, and `limit` names the cause of this error. While the wire fell behind, the mean
+    rates of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest temperature
+    of the run, and `sections_c` are the sections of its temperature path. `stroke_mm` is the travel of the wire.
+    `in_approach` is True if `at_s` lies in the approach. After its approach the reference lasts `scored_s` seconds, has
+    the span `span_mm` and the mean speed `speed_mm_per_s`. `hot_start_mm` is its first displacement if this lies at the
+    hot end of the span, otherwise None.
     """
 
     feasible: bool

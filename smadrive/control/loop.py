@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from smadrive.clock import Clock
-from smadrive.control.controllers.temperature import Command, Controller
+from smadrive.control.controllers.interface import Command, Controller
 from smadrive.errors import (
     DeviceError,
     ExceptionReply,
@@ -72,6 +72,10 @@ class Tick(NamedTuple):
     command: Command
 
 
+TickHandler = Callable[[Tick], None]
+"""A function that is called with each tick of a run."""
+
+
 @dataclass(slots=True)
 class LoopMetrics:
     """Counts of one run of the loop."""
@@ -97,7 +101,7 @@ class ControlLoop:
         supervisor: Supervisor,
         clock: Clock,
         period_s: float,
-        record: Callable[[Tick], None],
+        record: TickHandler,
         stop_requested: StopRequested = never,
         on_trip: Callable[[TripError], None] = lambda _trip: None,
     ) -> None:

@@ -36,10 +36,11 @@ _REFUTED = -1  # no connection has this number; `_proved_on` holds it after anot
 
 
 class Device:
-    """A device of type `profile` at `unit_id` on the bus of `client`; None stands for the unit id in the profile.
+    """A device of type `profile` at `unit_id` on the bus of `client`.
 
-    `read_retries` replaces the value in the profile; periodic pollers set 0. `identity` is the identity that the device
-    must have. Without `identity`, the device must keep the identity that it shows first.
+    Without `unit_id` it has the unit id in the profile. `read_retries` replaces the value in the profile; periodic
+    pollers set 0. `identity` is the identity that the device must have. Without `identity`, the device must keep the
+    identity that it shows first.
     """
 
     def __init__(

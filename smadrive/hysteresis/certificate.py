@@ -5,7 +5,7 @@ The properties are proven rule by rule.
 Contraction   a ≤ -λ on heating and a ≥ λ on cooling, with λ > 0. Two trajectories with the same input v approach each
               other as exp(-λ · TV(v)), where TV is the total variation of v. So the unknown initial state loses its
               effect after a known travel, and a periodic input has one attracting loop. λ is the smallest |a|, so a
-              whole loop shrinks differences more than λ tells: by the factor exp(-∮|a| dv).
+              whole loop shrinks differences by more than λ shows: by the factor exp(-∮|a| dv).
 Boundedness   The equilibria S = -b/a (heating) and R = -b/a (cooling) lie in [0, 1], so w never leaves [0, 1].
 Monotone      The slope is affine in w: w rises on heating where w < S(v), and falls on cooling where w > R(v). Between
               R(v) and S(v) the inverse is unique. In a Duhem model R is the heating branch and S the cooling branch,
@@ -16,8 +16,6 @@ Monotone      The slope is affine in w: w rises on heating where w < S(v), and f
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-import numpy as np
 
 ROUNDING = 1e-9
 MOST_TURNED = 0.2  # share of the travel; a saturated wire reverses by a tenth, because it expands with heat
@@ -66,7 +64,3 @@ class Certificate:
         if self.turned_share > MOST_TURNED:
             found.append(f"a branch reverses by {100 * self.turned_share:.0f} % of the travel")
         return tuple(found)
-
-    def forgetting_travel(self, factor: float) -> float:
-        """Return the travel of v that reduces the effect of an unknown initial state to `factor`, in the unit of v."""
-        return float(np.log(1 / factor) / self.contraction_rate) if self.contracting else float("inf")

@@ -90,8 +90,7 @@ class DuhemModel(BranchModel):
         """Return the model of Table 1 of the paper, over the input range from -300 to 300.
 
         The scale is 40. The heating branch has the mean 35 and the standard deviation 75, the cooling branch -45 and
-        70. The paper prints means and standard deviations in each other's columns; this model has them in the right
-        place.
+        70. The paper exchanges the columns of means and standard deviations; here they are in the right order.
         """
         return cls.gaussian(
             mu_heating=35, mu_cooling=-45, sigma_heating=75, sigma_cooling=70, scale=40, input_range=(-300, 300)
@@ -161,8 +160,8 @@ def duhem_branches(
 ) -> tuple[Branch, Branch]:
     """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
-    `steepest` is the largest |a| of dw/dv = a w + b. Raises ModelError for branches that cross if `steepest` is
-    infinite. With a finite `steepest`, branches may cross, because a fit also tries such models.
+    `steepest` is the largest |a| of dw/dv = a w + b. If it is infinite, branches that cross raise ModelError. If it is
+    finite, branches may cross, because a fit also tries such models.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])

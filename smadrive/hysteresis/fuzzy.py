@@ -48,13 +48,6 @@ class Rule(NamedTuple):
         motion = "rises" if self.direction > 0 else "falls"
         return f"IF v is about {self.centre:.6g} AND v {motion} THEN dw = ({self.a:+.6g} w {self.b:+.6g}) dv"
 
-    def time_law(self, rate: float) -> tuple[float, float]:
-        """Return A and B of this rule as a law over time, dw/dt = A w + B, both in 1/s; Eq. (11) of the paper.
-
-        `rate` is the input rate dv/dt, in (unit of v)/s.
-        """
-        return self.a * rate, self.b * rate
-
 
 class FuzzySets(Protocol):
     """Fuzzy sets over the input v. At every v the memberships of all sets have the sum 1 (a partition of unity)."""

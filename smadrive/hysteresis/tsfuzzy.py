@@ -114,15 +114,6 @@ class TSFuzzyDuhem(BranchModel):
         """Return the rules as IF-THEN sentences, one per line."""
         return "\n".join(map(str, self.rules))
 
-    def rules_table(self) -> str:
-        """Return the rules as a text table, one line per set.
-
-        The columns are centre, a and b for rising input, a and b for falling input.
-        """
-        head = f"{'centre':>12} {'a rising':>13} {'b rising':>13} {'a falling':>13} {'b falling':>13}"
-        rows = zip(self.sets.centres, *self.heating_law, *self.cooling_law, strict=True)
-        return "\n".join([head, *("{:12.6g} {:13.6g} {:13.6g} {:13.6g} {:13.6g}".format(*row) for row in rows)])
-
     def admissible(self, v: float) -> tuple[float, float]:  # noqa: ARG002
         """Return 0 and 1: at every input each state in [0, 1] is possible."""
         return 0.0, 1.0

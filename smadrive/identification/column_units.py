@@ -17,10 +17,10 @@ SPANS_MM = (0.1, 1000.0)
 """Smallest and largest usual span of a displacement. Wires are a few mm to 20 m long, and move by a few percent."""
 
 COLDEST_HEATED_C = 40.0
-"""A record of a heated wire in °C goes above this temperature; a displacement that was taken for it often does not."""
+"""The temperature of a heated wire in °C exceeds this value. A displacement often stays below it."""
 
 FAR_MM = 10.0
-"""A displacement usually begins near 0. Temperatures that were taken for it are all above this value."""
+"""A displacement usually begins near 0. Temperatures always exceed this value."""
 
 STRAINS = (0.001, 0.1)
 """Strokes over lengths: a wire in use moves by 2 to 5 % of its length; nickel-titanium recovers 8 % at most."""
@@ -29,8 +29,8 @@ SLOWEST_K_PER_S = 0.01
 """36 K per hour. The mean rate of every record is higher, unless its times are in ms instead of s."""
 
 
-def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the reasons to doubt the unit of the column `name`, one sentence each.
+def unit_caveats(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return the caveats about the unit of the column `name`, one sentence each.
 
     Only names that end in `_c` or `_mm` are checked.
     """
@@ -43,8 +43,8 @@ def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
     return ()
 
 
-def swap_doubts(names: tuple[str, str], v: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the reason to doubt that `v` is a temperature and `y` a displacement, if they look exchanged."""
+def swap_caveats(names: tuple[str, str], v: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return a caveat if the columns `v` and `y` look exchanged: temperature and displacement."""
     is_swapped = float(v.max()) < COLDEST_HEATED_C and float(y.min()) > FAR_MM and np.ptp(y) > np.ptp(v)
     if not (names[0].endswith("_c") and names[1].endswith("_mm") and is_swapped):
         return ()
@@ -52,8 +52,8 @@ def swap_doubts(names: tuple[str, str], v: NDArray[np.float64], y: NDArray[np.fl
     return (f"{ranges}: are the two columns exchanged?",)
 
 
-def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tuple[str, ...]:
-    """Return the reasons to doubt the unit of a displacement, one sentence each; empty for a usual stroke.
+def stroke_caveats(displacement_mm: NDArray[np.float64], length_mm: float) -> tuple[str, ...]:
+    """Return the caveats about the unit of a displacement, one sentence each; none for a usual stroke.
 
     `displacement_mm` are the values of a record, `length_mm` is the length of the wire.
     """
@@ -67,8 +67,8 @@ def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tup
     return (f"{moves}, and a wire moves by {low:g} to {high:g} %: {cure}",)
 
 
-def time_doubts(times_s: NDArray[np.float64], name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the reasons to doubt that `times_s` are in s, one sentence each.
+def time_caveats(times_s: NDArray[np.float64], name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
+    """Return the caveats about the unit of `times_s`, which must be s, one sentence each.
 
     `values` are the column `name` of the same table. If this column is a temperature, its mean rate shows a wrong unit
     of the times. For any other column the result is empty.

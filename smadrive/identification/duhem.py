@@ -22,7 +22,7 @@ from smadrive.hysteresis.branch.engine import BranchEngine
 from smadrive.hysteresis.duhem import DuhemModel, duhem_branches, grid_logs
 from smadrive.hysteresis.mixture import MOST_COMPONENTS, GaussianMixture, MixtureLogs
 from smadrive.identification.quality.caveats import undetermined
-from smadrive.identification.quality.fit import Fit, judge
+from smadrive.identification.quality.metrics import Fit, judge
 from smadrive.identification.quality.uncertainty import DuhemErrors, MixtureErrors, standard_errors
 from smadrive.identification.record import Record, prepare
 from smadrive.numerics.levenberg_marquardt import Minimum, forward_differences, minimise
@@ -63,9 +63,9 @@ def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band
     count = whole_number(components, "components", "Gaussians per branch", 1, MOST_COMPONENTS, IdentificationError)
     problem, x, fit = _solve(prepare(v, y, dead_band), count)
     errors = problem.standard_errors(x, fit.residual)
-    doubts = undetermined("heating", fit.model.heating, errors.heating)
-    doubts += undetermined("cooling", fit.model.cooling, errors.cooling)
-    figures = {field.name: getattr(fit, field.name) for field in fields(fit)} | {"caveats": fit.caveats + doubts}
+    caveats = undetermined("heating", fit.model.heating, errors.heating)
+    caveats += undetermined("cooling", fit.model.cooling, errors.cooling)
+    figures = {field.name: getattr(fit, field.name) for field in fields(fit)} | {"caveats": fit.caveats + caveats}
     return DuhemFit(**figures, standard_errors=errors)
 
 

@@ -33,13 +33,16 @@ from smadrive.errors import ConfigError
 from smadrive.identification.excitation import Excitation, path_length_k
 
 FOOT_SHARE = 0.25
-"""This part of the range, at its foot for M_k and at its head for m_k, has no reversals."""
+"""Share of the range without reversals: the lowest part has no M_k, and the highest part has no m_k."""
 
 FALLING_PER_RISING = 3
 """The number of falling curves for each rising curve."""
 
 MOST_REVERSALS = 40
-"""The largest number of reversals that is planned for a time. More reversals are closer than the wire is controlled."""
+"""The largest number of reversals that is planned for a time.
+
+With more reversals, the distance between two neighbours would be below the error of the control.
+"""
 
 
 class ExcitationPlan(NamedTuple):
@@ -80,19 +83,6 @@ def planned_excitation(
     return Excitation(points, rate_c_per_s, plan)
 
 
-def nested_reversals(
-    low_c: float, high_c: float, rate_c_per_s: float, start_c: float, *, major_loops: int = 2, reversals: int = 5
-) -> Excitation:
-    """Return the path of an excitation: `major_loops` full loops, then shrinking inner loops.
-
-    The path begins at `start_c`, the present temperature of the wire. After the full loops it makes `reversals` inner
-    loops that it enters from `low_c`, then as many that it enters from `high_c`. ConfigError if `high_c` does not
-    exceed `low_c`.
-    """
-    _check_range(low_c, high_c)
-    return Excitation(_nested(low_c, high_c, start_c, reversals, major_loops), rate_c_per_s, "nested")
-
-
 def _check_range(low_c: float, high_c: float) -> None:
     if not high_c > low_c:
         raise ConfigError("must exceed low_c", where="excitation.high_c", value=high_c, limit=low_c)
@@ -120,8 +110,9 @@ def _most_reversals(
     return fitting[-1]
 
 
-def _nested(low_c: float, high_c: float, start_c: float, reversals: int, major_loops: int = 2) -> tuple[float, ...]:
-    points = [start_c, *[high_c, low_c] * major_loops]
+def _nested(low_c: float, high_c: float, start_c: float, reversals: int) -> tuple[float, ...]:
+    """Return the turning points of two full loops, then inner loops that shrink: from `low_c`, then from `high_c`."""
+    points = [start_c, *[high_c, low_c] * 2]
     middle_c = 0.5 * (low_c + high_c)
     shrinking = [(high_c - middle_c) * (reversals - n) / (reversals + 1) for n in range(reversals)]
     for half_c in shrinking:

@@ -1,4 +1,4 @@
-"""How far the loop of a wire has moved since its identification, from the samples of one run.
+"""The shift of the loop of a wire since its identification, estimated from the samples of one run.
 
 The displacement y of a run depends on four parameters x = (d₊, d₋, s, z): the shifts of the heating and of the cooling
 branch in K, the relative change of the stroke, and the shift of the zero as a share of the stroke:
@@ -14,8 +14,9 @@ squares with the covariance P of the likely changes of a wire, and so are its st
 input v is the temperature of the wire from the thermocouple alone. A smoothing polynomial removes the noise of the
 reading, and its slope the lag. So neither a draft nor a wrong heat balance looks like a moved loop.
 
-A turning point that is wrong by the noise of the reading makes a whole inner loop wrong. So the errors also hold a
-shift of the temperature by this noise, and the change of the displacement that it causes (RMS over the stroke).
+An error of a turning point, by the noise of the reading, makes the whole inner loop wrong. So the standard errors also
+contain two effects of this noise: a shift of the temperature, and the change of the displacement that this shift causes
+(RMS over the stroke).
 """
 
 from __future__ import annotations

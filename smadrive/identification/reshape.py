@@ -121,7 +121,10 @@ def reshaped(model: IdentifiedModel, shape: BranchShape) -> IdentifiedModel:
 
 
 def _moved_with_memory(model: TSFuzzyPreisach, heating: _Move, cooling: _Move, scale: float) -> TSFuzzyPreisach:
-    """Return the model with rules and plane moved alike; the up-thresholds belong to heating, the others to cooling."""
+    """Return the model with its rules and its plane moved.
+
+    `heating` moves the heating branch and the up-thresholds, `cooling` the cooling branch and the down-thresholds.
+    """
     now = shape_of(model.local)
     rules = reshaped(
         model.local,
@@ -143,8 +146,9 @@ def _moved_with_memory(model: TSFuzzyPreisach, heating: _Move, cooling: _Move, s
 def moved_plane(up: FloatArray, down: FloatArray, mass: FloatArray, ends: tuple[float, float]) -> PreisachPlane:
     """Return the plane with the thresholds `up` and `down`, which have moved, and with the masses `mass` of its cells.
 
-    Thresholds outside the input range `ends` move to its ends. The mass of a cell whose relays would switch off above
-    their up-threshold goes to the next cell in which no relay does. The sum of the masses stays 1.
+    Thresholds outside the input range `ends` move to its ends. After the move, a cell may lie where relays would switch
+    off above their up-threshold. Its mass then goes to the next possible cell with a higher up-threshold. If there is
+    none, it goes to a cell of the highest up-threshold. The sum of the masses stays 1.
     """
     up, down = _within(up, ends), _within(down, ends)
     allowed, masses = in_plane(up, down), mass.copy()

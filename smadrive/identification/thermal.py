@@ -58,14 +58,12 @@ class ThermalFit:
 
     balance              the heat balance
     wire_temperature_c   temperature of the wire at the samples, without lag and almost without noise
-    rms_c                error of the simulated reading, K
     within               half of the 95 % interval of each parameter, by its name in HeatBalance. It is relative to the
                          parameter, but absolute for ambient_c (in K) and resistance_change
     """
 
     balance: HeatBalance
     wire_temperature_c: Array
-    rms_c: float
     within: dict[str, float]
 
 
@@ -89,7 +87,7 @@ def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit
     _check_excited(record)
     phase = _phase(record.displacement_mm, record.temperature_c)
     grid, samples = _uniform(record, phase)
-    balance, residual, within = _fit_balance(samples, start)
+    balance, within = _fit_balance(samples, start)
     resistance, within_resistance = _fit_resistance(record, phase)
     balance = replace(
         balance,
@@ -99,7 +97,7 @@ def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit
     within |= within_resistance
     _check_intervals(within)
     wire = _wire_temperature(samples, balance)
-    return ThermalFit(balance, np.interp(record.time_s, grid, wire), float(np.sqrt(np.mean(residual**2))), within)
+    return ThermalFit(balance, np.interp(record.time_s, grid, wire), within)
 
 
 def _check_excited(record: ExcitationRecord) -> None:
@@ -200,7 +198,7 @@ def _intervals(jacobian: Array, residual: Array) -> Array:
     return np.asarray(1.96 * np.sqrt(variance * np.diag(np.linalg.pinv(jacobian.T @ jacobian))), dtype=np.float64)
 
 
-def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Array, dict[str, float]]:
+def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, dict[str, float]]:
     nominal = _thermal_parameters(start)
     nominal[[2, 4]] = np.maximum(nominal[[2, 4]], [1e-3 * start.heat_capacity_j_per_k, samples.dt_s])
     positive = np.array([True, True, True, False, True])
@@ -224,7 +222,7 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Ar
     found = HeatBalance(capacity, loss, latent, ambient, start.resistance_cold_ohm, start.resistance_change, lag)
     left = residual(fit.x)
     half = np.hypot(_intervals(np.asarray(fit.jac), left), SYSTEMATIC) * np.where(positive, 1.0, 10.0)
-    return found, left, dict(zip(NAMES, half.tolist(), strict=True))
+    return found, dict(zip(NAMES, half.tolist(), strict=True))
 
 
 def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, float], dict[str, float]]:

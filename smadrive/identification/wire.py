@@ -19,7 +19,7 @@ from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import identify_duhem
 from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.memory.fit import MemoryFit, identify_memory
-from smadrive.identification.quality.fit import Fit
+from smadrive.identification.quality.metrics import Fit
 from smadrive.identification.resistance_fit.fit import ResistanceFit, identify_resistance
 from smadrive.identification.thermal import ThermalFit, identify_thermal
 from smadrive.wire.heat_balance import HeatBalance

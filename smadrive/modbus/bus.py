@@ -56,7 +56,7 @@ class BusTiming:
     response_timeout_s   longest wait for a reply, without the time that request and reply take on the wire
     min_gap_s            shortest pause on the bus before a request
     post_write_s         added to the pause after a write to this device
-    interval_s           shortest time between two requests to this device, from the reply or deadline of the first
+    interval_s           shortest time from a reply (or its deadline) to the next request to this device
     silence              True keeps the standard's pause of 3.5 characters before a request
     read_retries         number of retries of a read; writes are never retried
     """

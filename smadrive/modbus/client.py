@@ -88,7 +88,7 @@ class ModbusClient:
             self._line.send_unconfirmed(Transaction(unit_id, request, timing))
 
     def distrust(self) -> None:
-        """Record that the last reply answered an older request, as its content shows. The right one may still come."""
+        """Record that the content of the last reply answers an older request. The right reply may still arrive."""
         self._protocol.distrust(self.clock.now_s())
 
     def _execute_once(self, transaction: Transaction, connection: int | None, *, proved: bool) -> bytes:

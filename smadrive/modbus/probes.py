@@ -70,7 +70,7 @@ class Probes:
         return next(self._clean(unit_id, request, tries, now_s), None)
 
     def sync_request(self, unit_id: int, request: Request, now_s: float) -> Request:
-        """Return a sync for `request`: the read whose kind of answer arrived longest ago, or never.
+        """Return a sync for `request`: a read whose kind of answer never arrived, or else arrived longest ago.
 
         A read that the unit has answered is preferred if its kind is not among the last `FRESH` arrivals. If no read
         of another kind is left, return `request`.

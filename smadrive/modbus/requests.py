@@ -114,16 +114,6 @@ def write_coils(address: int, states: Sequence[bool]) -> Request:
     return Request(head + bytes((len(packed),)) + packed, head, payload_size=0, writes=True)
 
 
-def mask_write(address: int, and_mask: int, or_mask: int) -> Request:
-    """Return a request to set register = (register AND and_mask) OR (or_mask AND NOT and_mask) (FC22).
-
-    ValueError outside the address space.
-    """
-    _check_range(address, 1, 1)
-    pdu = struct.pack(">BHHH", 22, address, and_mask, or_mask)
-    return Request(pdu, reply_head=pdu, payload_size=0, writes=True)
-
-
 def exchange(write_address: int, words: Sequence[int], read_address: int, read_count: int) -> Request:
     """Return a request to write `words`, then read `read_count` holding registers, in one transaction (FC23).
 

@@ -120,7 +120,7 @@ class RigConfig(Section):
     @field_validator("feedback")
     @classmethod
     def _no_faster_than_its_ticks(cls, feedback: FeedbackConfig, info: ValidationInfo) -> FeedbackConfig:
-        """Return the feedback, with a slower loop for a slow rig if the file does not set `closed_loop_s`."""
+        """Return the feedback. By default `closed_loop_s` is at least `LOOP_PERIODS` periods of the loop."""
         if "rate_hz" not in info.data or "closed_loop_s" in feedback.model_fields_set:
             return feedback
         closed_loop_s = max(feedback.closed_loop_s, LOOP_PERIODS / info.data["rate_hz"])
@@ -190,7 +190,7 @@ class RigConfig(Section):
 
 
 def kelvin_hint(value: float, low_c: float, high_c: float) -> str:
-    """Return the question whether `value` is in kelvin if it then lies from `low_c` to `high_c`, otherwise ""."""
+    """Return a hint that `value` may be in kelvin if it would then lie in `low_c` to `high_c`, otherwise ""."""
     value_c = value - ZERO_C_IN_K
     return f". Is it in kelvin? {value:g} K is {value_c:.0f} °C" if low_c < value_c <= high_c else ""
 

@@ -30,9 +30,8 @@ from smadrive.devices.heater import DERATE_C
 from smadrive.errors import ConfigError
 from smadrive.rig.config import RigConfig, kelvin_hint
 from smadrive.rig.controllers import excitation_path
-from smadrive.wire.data_sheet import WireDataSheet
+from smadrive.wire.data_sheet import LEADS_OHM, WireDataSheet
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.nominal_resistance import LEADS_OHM
 
 AMPLE = 20.0
 """Highest current limit, as a multiple of the current that holds the wire at temperature_max_c."""

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from smadrive.control.controllers.excitation import ExcitationController
 from smadrive.control.controllers.feedback import PIGains
+from smadrive.control.controllers.interface import Controller
 from smadrive.control.controllers.step import ConstantCurrentController, ConstantTemperatureController, ManualStep
-from smadrive.control.controllers.temperature import Controller, TemperatureController
 from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
@@ -19,7 +20,7 @@ from smadrive.identification.excitation_plans import planned_excitation
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import ExcitationConfig, RigConfig
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.resistance import WireResistance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 EXCITATION_SLOWER = 2.0
@@ -42,10 +43,10 @@ def excitation_path(config: ExcitationConfig, start_c: float) -> Excitation:
     )
 
 
-def excitation_controller(config: RigConfig, excitation: Excitation, balance: HeatBalance) -> TemperatureController:
+def excitation_controller(config: RigConfig, excitation: Excitation, balance: HeatBalance) -> ExcitationController:
     """Return the controller that follows the temperature path of an identification experiment."""
     feedback = config.feedback
-    return TemperatureController(
+    return ExcitationController(
         excitation.temperature_c,
         excitation.duration_s,
         balance,

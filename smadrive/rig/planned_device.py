@@ -1,4 +1,4 @@
-"""A device of a rig file with its profile: what it is, and which quantities the rig takes from it.
+"""A device of a rig file with its profile: its task, and the quantities that the rig takes from it.
 
 A device measures every quantity that its profile has a register for, or only the quantities that the rig file lists for
 it: an input without a sensor shows a value, too.

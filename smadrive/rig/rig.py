@@ -5,16 +5,16 @@ This module computes nothing and sends no request: controllers compute, and devi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from smadrive.clock import Clock
-from smadrive.control.controllers.temperature import Controller
+from smadrive.control.controllers.interface import Controller
 from smadrive.control.feedforward.displacement import DisplacementInverse
-from smadrive.control.loop import ControlLoop, LoopMetrics, StopRequested, Tick, never
+from smadrive.control.loop import ControlLoop, LoopMetrics, StopRequested, TickHandler, never
 from smadrive.control.references.reference import Reference
 from smadrive.devices.identity import DeviceType, TypeCheck
 from smadrive.devices.profile.profile import load_profile
@@ -32,7 +32,7 @@ from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_excitation_time, check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, excitation_path, tracking_controller
 from smadrive.rig.plan import plan_rig
-from smadrive.rig.sensing.checks import check_sensing, check_sensor
+from smadrive.rig.sensing_checks import check_sensing, check_sensor
 from smadrive.rig.supervision import supervisor
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
@@ -40,10 +40,8 @@ from smadrive.safety.supervisor import Supervisor
 from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.resistance import WireResistance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
-
-Record = Callable[[Tick], None]
 
 RATE_EXCHANGES = 4
 """Number of exchanges that are timed before the loop starts, to check that the devices keep up with its rate."""
@@ -141,7 +139,7 @@ class Rig:
         """Return the identification experiment of the rig file. The wire is at `start_c` (°C) now."""
         return excitation_path(self.config.excitation, start_c)
 
-    def excite(self, excitation: Excitation, record: Record) -> LoopMetrics:
+    def excite(self, excitation: Excitation, record: TickHandler) -> LoopMetrics:
         """Run the identification experiment, and pass every tick to `record`. Return the metrics of the loop."""
         controller = excitation_controller(self.config, excitation, self.nominal_balance)
         return self._run(controller, self._supervisor(self.nominal_balance), record)
@@ -152,7 +150,7 @@ class Rig:
         model: IdentifiedModel,
         balance: HeatBalance,
         inverse: DisplacementInverse,
-        record: Record,
+        record: TickHandler,
         expected: ExpectedRest | None = None,
         resistance: WireResistance | None = None,
         displacement_from: DisplacementFrom | None = None,
@@ -171,7 +169,7 @@ class Rig:
         self,
         controller: Controller,
         balance: HeatBalance,
-        record: Record,
+        record: TickHandler,
         model: IdentifiedModel | None = None,
         stop_requested: StopRequested = never,
         expected: ExpectedRest | None = None,
@@ -222,7 +220,7 @@ class Rig:
         return supervisor(self.config, self.heater, balance, model, expected)
 
     def _run(
-        self, controller: Controller, supervisor: Supervisor, record: Record, stop_requested: StopRequested = never
+        self, controller: Controller, supervisor: Supervisor, record: TickHandler, stop_requested: StopRequested = never
     ) -> LoopMetrics:
         if (latched := self.latch.read()) is not None:
             raise SafetyError("refused to arm: the last run tripped", value=latched, cure=CLEAR)

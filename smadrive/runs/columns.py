@@ -95,7 +95,7 @@ def row_getter(names: Iterable[str]) -> Callable[[Tick], Row]:
 def fields_of(part: str) -> dict[str, str]:
     """Return the columns that hold attributes of one part of a tick, as a dict from column name to attribute name.
 
-    `part` is `command` or `measurement`. Flags are left out.
+    `part` is `command` or `measurement`. Columns with `is_flag` are left out.
     """
     sources = {name: column.source.split(".") for name, column in COLUMNS.items() if not column.is_flag}
     return {name: source[1] for name, source in sources.items() if source[0] == part and len(source) == 2}

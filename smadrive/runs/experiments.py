@@ -10,10 +10,10 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
+from smadrive.control.controllers.interface import Command, Controller
 from smadrive.control.controllers.step import ManualStep
-from smadrive.control.controllers.temperature import Command, Controller
-from smadrive.control.feedforward.displacement import HysteresisInverse
-from smadrive.control.loop import LoopMetrics, StopRequested, Tick, never
+from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
+from smadrive.control.loop import LoopMetrics, StopRequested, Tick, TickHandler, never
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
 from smadrive.errors import ProtocolError, TransportError
@@ -22,7 +22,7 @@ from smadrive.files.kinds import TABLE
 from smadrive.identification.excitation import Excitation, check_may_excite
 from smadrive.rig.config_checks import check_step
 from smadrive.rig.controllers import step_controller
-from smadrive.rig.rig import Record, Rig
+from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.cycles import CycleEvents
 from smadrive.runs.health.assessment import expected_of, wire_file_of
 from smadrive.runs.run_log import (
@@ -42,7 +42,7 @@ from smadrive.wire.wire_model import travel_mm
 LOST_S = 5.0
 """An observation without a measurement for this time ends with the error of the last exchange."""
 
-Watch = Callable[[TickRecorder, float], AbstractContextManager[Record]]
+Watch = Callable[[TickRecorder, float], AbstractContextManager[TickHandler]]
 """Takes the recorder of the open log, and the duration of the run in s. Returns a context manager.
 
 The context yields a function. The loop calls this function with each tick; it records the tick, and may also show it.
@@ -60,10 +60,10 @@ def plan_excitation(rig: Rig) -> Excitation:
     return excitation
 
 
-def excite(log_file: Path, rig: Rig, excitation: Excitation, watch: Watch) -> LoopMetrics:
-    """Run an identification experiment and record it in `log_file`. TripError after a trip."""
+def excite(log_file: Path, rig: Rig, excitation: Excitation, watch: Watch, **notes: str) -> LoopMetrics:
+    """Run an identification experiment and record it in `log_file`, with `notes`. TripError after a trip."""
     wire_file = Path(rig.config.model).absolute() if rig.config.model else None
-    notes = {WIRE_FILE: str(wire_file)} if wire_file is not None and wire_file.is_file() else {}
+    notes |= {WIRE_FILE: str(wire_file)} if wire_file is not None and wire_file.is_file() else {}
     with (
         record_excitation(log_file, rig, excitation, **notes) as recorder,
         watch(recorder, excitation.duration_s) as record,
@@ -71,7 +71,7 @@ def excite(log_file: Path, rig: Rig, excitation: Excitation, watch: Watch) -> Lo
         return rig.excite(excitation, record)
 
 
-def observe(rig: Rig, duration_s: float, record: Record, is_ended: StopRequested) -> None:
+def observe(rig: Rig, duration_s: float, record: TickHandler, is_ended: StopRequested) -> None:
     """Measure in every period of the rig, without arming the heater, and pass every measurement to `record`.
 
     The observation ends after `duration_s`, or when `is_ended` returns True. A lost exchange is left out. Its error is
@@ -96,11 +96,11 @@ def observe(rig: Rig, duration_s: float, record: Record, is_ended: StopRequested
 
 
 def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetrics:
-    """Run a manual step and record it in `log_file`, with the reasons to distrust its temperature.
+    """Run a manual step and record it in `log_file`, with its caveats.
 
     ConfigError if the step exceeds a limit of the rig, TripError after a trip.
     """
-    caveats = step_doubts(rig, step)
+    caveats = planned_step_caveats(rig, step)
     controller = step_controller(rig.config, step, rig.nominal_balance)
     with (
         record_step(log_file, rig, step, caveats=json.dumps(caveats)) as recorder,
@@ -109,8 +109,8 @@ def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetric
         return rig.drive(controller, rig.nominal_balance, record)
 
 
-def step_doubts(rig: Rig, step: ManualStep) -> tuple[str, ...]:
-    """Return the reasons to distrust a manual step from the present temperature, one sentence each. Nothing is heated.
+def planned_step_caveats(rig: Rig, step: ManualStep) -> tuple[str, ...]:
+    """Return the caveats of a manual step that begins at the present temperature, one sentence each. Nothing is heated.
 
     ConfigError if the step exceeds a limit of the rig.
     """
@@ -118,11 +118,21 @@ def step_doubts(rig: Rig, step: ManualStep) -> tuple[str, ...]:
     return (*caveats, *cold_wire_caveats(rig.measure().temperature_c, rig.data_sheet.ambient_c))
 
 
-def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> LoopMetrics:
-    """Run `plan` and record it in `log_file`. TripError after a trip."""
+def track(
+    log_file: Path,
+    rig: Rig,
+    plan: PlannedTracking,
+    watch: Watch,
+    inverse: DisplacementInverse | None = None,
+    **notes: str,
+) -> LoopMetrics:
+    """Run `plan` and record it in `log_file`, with `notes`. TripError after a trip.
+
+    `inverse` replaces the inverse of the hysteresis model as feedforward.
+    """
     model, balance = plan.wire.model, plan.wire.balance
-    inverse = HysteresisInverse(model)
-    notes = {"given_reference": reference_text(plan.given), "caveats": json.dumps(plan.caveats)}
+    inverse = inverse or HysteresisInverse(model)
+    notes |= {"given_reference": reference_text(plan.given), "caveats": json.dumps(plan.caveats)}
     notes |= {} if plan.cycling is None else {"cycling": plan.cycling.text()}
     notes |= {} if plan.wire_file is None else {WIRE_FILE: str(plan.wire_file)}
     notes["displacement_from"] = plan.displacement_from.value

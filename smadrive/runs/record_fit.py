@@ -13,7 +13,7 @@ from smadrive.errors import ConfigError, DataError
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import LOG, TABLE
 from smadrive.files.spelling import suggestion
-from smadrive.identification.column_units import swap_doubts, time_doubts, unit_doubts
+from smadrive.identification.column_units import swap_caveats, time_caveats, unit_caveats
 from smadrive.identification.resistance_fit.fit import ResistanceFit
 from smadrive.identification.thermal import ThermalFit
 from smadrive.identification.wire import AnyFit, FitSettings, identify_hysteresis, identify_wire
@@ -70,7 +70,7 @@ def fit_file(path: Path, columns: tuple[str, str], settings: FitSettings) -> Rec
     fit = fit_columns(v, y, columns, settings)
     if "time_s" not in table.cells:
         return fit
-    return replace(fit, caveats=(*time_doubts(table.column("time_s"), columns[0], v), *fit.caveats))
+    return replace(fit, caveats=(*time_caveats(table.column("time_s"), columns[0], v), *fit.caveats))
 
 
 def check_table_columns(where: object, columns: tuple[str, str], names: Iterable[str]) -> None:
@@ -108,5 +108,5 @@ def fit_columns(
 ) -> RecordFit:
     """Fit the hysteresis of output `y` on input `v`; the columns' `names` contain their units."""
     fit = identify_hysteresis(v, y, settings)
-    doubts = swap_doubts(names, v, y) or (*unit_doubts(names[0], v), *unit_doubts(names[1], y))
-    return RecordFit(fit, None, (*doubts, *fit.caveats), names)
+    caveats = swap_caveats(names, v, y) or (*unit_caveats(names[0], v), *unit_caveats(names[1], y))
+    return RecordFit(fit, None, (*caveats, *fit.caveats), names)

@@ -14,7 +14,7 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.control.controllers.temperature import Command, Controller
+from smadrive.control.controllers.interface import Command, Controller
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel

@@ -17,7 +17,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from smadrive.files.atomic import replacing
-from smadrive.runs.plots import STYLE as PLOT_STYLE
+from smadrive.runs.plot_style import STYLE as PLOT_STYLE
 
 STYLE = """
 :root { color: #1f2933; background: #fff; font: 16px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; }

@@ -29,8 +29,8 @@ from smadrive.runs.log.recorder import Recorder
 from smadrive.runs.log.writer import GROWTH_ROWS
 from smadrive.runs.session_record import KIND
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.resistance import WireResistance
 
 _row = row_getter(COLUMNS)
 

@@ -12,7 +12,7 @@ from smadrive.control.controllers.step import ManualStep
 from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError
 from smadrive.files.config import validate
-from smadrive.identification.column_units import stroke_doubts, unit_doubts
+from smadrive.identification.column_units import stroke_caveats, unit_caveats
 from smadrive.identification.excitation import Excitation, ExcitationRecord
 from smadrive.rig.config import RigConfig
 from smadrive.runs.log.reader import Log
@@ -61,24 +61,24 @@ def excitation_of(log: Log) -> Excitation:
 def excitation_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust a model identified from this log. DataError for a log of another experiment."""
     planned_s, recorded_s = excitation_of(log).duration_s, float(_times_s(log)[-1])
-    doubts = _stroke_caveats(log)
+    caveats = _stroke_caveats(log)
     if recorded_s > COMPLETE * planned_s:
-        return doubts
+        return caveats
     return (
         f"the experiment ended after {recorded_s:.0f} of its {planned_s:.0f} s: a part of the behaviour is missing",
-        *doubts,
+        *caveats,
     )
 
 
 def _stroke_caveats(log: Log) -> tuple[str, ...]:
-    """Return reasons to doubt the displacement. A log of version 0.1 does not hold the length of the wire."""
+    """Return the caveats about the displacement. A log of version 0.1 does not hold the length of the wire."""
     if "displacement_mm" not in log.columns:
         return ()
     displacement_mm = log.column("displacement_mm")
     if "data_sheet" not in log.metadata:
-        return unit_doubts("displacement_mm", displacement_mm)
+        return unit_caveats("displacement_mm", displacement_mm)
     length_mm = log.parsed("data_sheet", lambda sheet: float(sheet["length_mm"]))
-    return stroke_doubts(displacement_mm, length_mm)
+    return stroke_caveats(displacement_mm, length_mm)
 
 
 def step_of(log: Log) -> ManualStep:

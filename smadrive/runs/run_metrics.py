@@ -14,7 +14,7 @@ from smadrive.control.loop import LATE_FRACTION, LoopMetrics
 from smadrive.errors import DataError
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_metadata import nominal_balance, reference_of, rig_config_of, step_of, wire_of
-from smadrive.wire.nominal_resistance import resistance_caveats
+from smadrive.wire.data_sheet import resistance_caveats
 from smadrive.wire.wire_model import travel_mm
 
 Array = NDArray[np.float64]
@@ -133,7 +133,7 @@ def _sample_caveats(log: Log) -> tuple[str, ...]:
 
 
 def _command_caveats(log: Log) -> Iterator[str]:
-    """Yield doubts about the commands of the user's controller: currents and setpoints outside their ranges."""
+    """Yield caveats about the commands of the user's controller: currents and setpoints outside their ranges."""
     current_max_a = rig_config_of(log).limits.current_max_a
     commanded_a = log.column_with_gaps("commanded_a")
     if above := int(np.count_nonzero(commanded_a > current_max_a)):
@@ -207,10 +207,10 @@ def step_metrics(log: Log) -> StepMetrics:
 def step_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust a manual step: a temperature that was not reached, an unexpected resistance."""
     metrics, setpoint_c = step_metrics(log), step_of(log).temperature_c
-    doubts = resistance_caveats(metrics.resistance_end_ohm, nominal_balance(log))
+    caveats = resistance_caveats(metrics.resistance_end_ohm, nominal_balance(log))
     if setpoint_c is None or not abs(metrics.temperature_end_c - setpoint_c) > NOT_REACHED_K:
-        return doubts
-    return (f"the step ended at {metrics.temperature_end_c:.1f} °C, and its setpoint was {setpoint_c:g} °C", *doubts)
+        return caveats
+    return (f"the step ended at {metrics.temperature_end_c:.1f} °C, and its setpoint was {setpoint_c:g} °C", *caveats)
 
 
 def run_metrics(log: Log) -> RunMetrics:

@@ -1,4 +1,4 @@
-"""The plan of a tracking run: its reference is simulated on the model of the wire, and doubts are collected.
+"""The plan of a tracking run: its reference is simulated on the model of the wire, and caveats are collected.
 
 Nothing is heated. The caller shows the caveats of the plan before the run.
 """
@@ -58,13 +58,16 @@ class PlannedTracking:
 
 
 def check_reach(given: Reference, identified: IdentifiedWire) -> None:
-    """Raise ConfigError when the reference leaves the reach of the wire; doubts about the model are its notes."""
-    with _doubts_noted(identified):
+    """Raise ConfigError if the reference leaves the travel of the model.
+
+    The caveats of the wire are added to the error as notes.
+    """
+    with _caveats_noted(identified):
         given.check_within(travel_mm(identified.model))
 
 
 @contextmanager
-def _doubts_noted(identified: IdentifiedWire) -> Iterator[None]:
+def _caveats_noted(identified: IdentifiedWire) -> Iterator[None]:
     """Add the caveats of the wire to a ConfigError in the `with` block: often the model is wrong, not the reference."""
     try:
         yield
@@ -117,14 +120,14 @@ def plan_tracking(
 ) -> PlannedTracking:
     """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
 
-    With `cycling` the reference is repeated. If the wire cannot follow `given`: with `smooth` the run tracks the
-    nearest reference; without `smooth`, ConfigError names `smooth_option`, the option of the user that sets `smooth`.
+    With `cycling` the reference is repeated. If the wire cannot follow `given`, the run tracks the nearest reference if
+    `smooth` is True. Otherwise ConfigError names `smooth_option`, the option of the user that sets `smooth`.
     `displacement_from` replaces the source of the displacement in the rig file.
     """
     wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance, identified.resistance)
     chosen = displacement_from or rig.config.displacement_from
     limit_c = rig.config.limits.temperature_max_c
-    with _doubts_noted(identified):
+    with _caveats_noted(identified):
         start, given = _start(rig, given, wire, chosen)
         simulated = _simulated(rig, given, wire, start)
         simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option)

@@ -7,6 +7,9 @@ check finds a sensor that is stuck, has a wrong unit or has lost its zero, and a
 cases the displacement leaves the band as soon as the temperature passes through the hysteresis loop. Without this check
 the driver could heat up to its limits.
 
+A displacement beyond the travel of the model, by more than m, is impossible at every temperature. So a lag of the
+thermocouple is no excuse for it. Such a displacement shows a reversed sensor or a wrong unit early.
+
 The displacement also limits the temperature of the wire from above, whatever the thermocouple reads: a wire that is not
 fully transformed is colder than the heating branch at this displacement, T₊(y + m) + δ.
 """
@@ -46,6 +49,7 @@ class DisplacementBand:
         self._sense = 1.0 if loop_mm[POINTS - 1] >= loop_mm[0] else -1.0
         self._rising_mm = np.maximum.accumulate(self._sense * branches_mm[0]).tolist()
         self._warming_c, self._margin_mm = warming_c.tolist(), margin_mm
+        self._travel_mm = float(loop_mm.min()) - margin_mm, float(loop_mm.max()) + margin_mm
         self._branches = [PiecewiseLinear(warming_c, branch_mm) for branch_mm in branches_mm]
         self._low = PiecewiseLinear(around_c, np.min(ends_mm, axis=0) - margin_mm)
         self._high = PiecewiseLinear(around_c, np.max(ends_mm, axis=0) + margin_mm)
@@ -62,6 +66,11 @@ class DisplacementBand:
         if low_mm <= displacement_mm <= high_mm:
             return None
         return f"{displacement_mm:.3f} mm measured, {low_mm:.2f} to {high_mm:.2f} mm possible at {temperature_c:.1f} °C"
+
+    def is_beyond_travel(self, displacement_mm: float) -> bool:
+        """Return True for a displacement that is impossible at every temperature; False for NaN."""
+        low_mm, high_mm = self._travel_mm
+        return displacement_mm < low_mm or displacement_mm > high_mm
 
     def hottest_c(self, displacement_mm: float) -> float:
         """Return the highest possible temperature of a wire at `displacement_mm`, °C.

@@ -87,8 +87,8 @@ class Fault(Enum):
         17,
         "displacement outside the model's range at this temperature",
         (
-            "does the sensor respond, in millimetres, with 0 at the cold wire? is the wire blocked, slack, or not the "
-            "identified one?"
+            "does the sensor respond, in millimetres, in the right direction, with 0 at the cold wire? is the wire "
+            "blocked, slack, or not the identified one?"
         ),
     )
 

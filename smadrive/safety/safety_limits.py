@@ -15,8 +15,8 @@ class SafetyLimits:
     The longest time between two measurements is `stale_after_s`. The heat source needs up to `settle_s` to reach a
     commanded current: the measured current must lie between the smallest and the largest command of the last
     `settle_s`, ± `current_tolerance_a`. The displacement may be outside the band of the model for up to
-    `misplaced_for_s`, because the thermocouple lags. It may be unknown, or differ from the setpoint by more than
-    `tracking_max_mm`, for up to `tracking_for_s`.
+    `misplaced_for_s`, because the thermocouple lags, but not beyond the travel of the model. It may be unknown, or
+    differ from the setpoint by more than `tracking_max_mm`, for up to `tracking_for_s`.
     """
 
     temperature_max_c: float

@@ -60,6 +60,7 @@ class Supervisor:
         self._displaced_s = inf
         self._limits_displacement = limits.has_displacement
         self._in_band_s: float | None = None
+        self._beyond_travel = Debounce(3, 4)
         self._late_ticks = 0
 
     def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
@@ -88,7 +89,7 @@ class Supervisor:
         return self.trip
 
     def check_deadline(self, missed: bool, now_s: float) -> Trip | None:
-        """Count the ticks in a row that `missed` their deadlines, and return the latched trip or None."""
+        """Count missed deadlines in a row, and return the trip or None. `missed`: this tick missed its deadline."""
         self._late_ticks = self._late_ticks + 1 if missed else 0
         if self._late_ticks >= LATE_TICKS:
             self._raise(Fault.DEADLINES_MISSED, now_s, f"{self._late_ticks} in a row")
@@ -184,7 +185,7 @@ class Supervisor:
     def _is_cool_by_displacement(self, measurement: Measurement) -> bool:
         """Return True if the measured displacement excludes a wire above `temperature_max_c`.
 
-        A wire that is colder than its heat input allows is then in a draft: the reading is right.
+        If the reading is below its band then, a draft has cooled the wire, and the reading is right.
         """
         if self._displacement_band is None or self._outside_band(measurement) is not None:
             return False
@@ -208,10 +209,12 @@ class Supervisor:
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail, f"{limits.tracking_max_mm:g} mm")
 
     def _check_displacement_band(self, measurement: Measurement) -> None:
+        band, displacement_mm = self._displacement_band, measurement.displacement_mm
+        is_impossible = self._beyond_travel.update(band is not None and band.is_beyond_travel(displacement_mm))
         outside = self._outside_band(measurement)
         if self._in_band_s is None or outside is None:
             self._in_band_s = measurement.time_s
-        elif measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
+        elif is_impossible or measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
             self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, outside)
 
     def _check_resistance_band(self, measurement: Measurement) -> None:

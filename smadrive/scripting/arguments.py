@@ -7,8 +7,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Literal, Protocol
 
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.step import ManualStep
-from smadrive.control.controllers.temperature import Command
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output, unused_record

@@ -22,7 +22,7 @@ from smadrive.runs.cycling.cycles import CycleMetrics, cycles_of
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import Log
 from smadrive.runs.log.reader import read_log as read_log_file
-from smadrive.runs.plots import MEASURED, PlotFigure
+from smadrive.runs.plot_style import MEASURED, PlotFigure
 from smadrive.runs.run_metrics import RunMetrics, has_setpoint, run_caveats, run_metrics
 from smadrive.scripting.arguments import path_text
 from smadrive.scripting.loop.messages import DrivenRun
@@ -56,7 +56,7 @@ class Run:
     """
 
     def __init__(self, log: Log, driven: DrivenRun | None = None, warnings: Iterable[str] = ()) -> None:
-        self._warnings = (*warnings, *(() if driven is None else driven.doubts))
+        self._warnings = (*warnings, *(() if driven is None else driven.caveats))
         self.log = log
         self.controller = None if driven is None else driven.controller
         self._driven = driven

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from smadrive.control.loop import Tick
+from smadrive.control.loop import Tick, TickHandler
 from smadrive.control.references.holding import PEAK
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, MotionError
@@ -59,7 +59,7 @@ class Servo:
 
     def __init__(self, client: LoopClient, wire: IdentifiedWire, log_file: Path) -> None:
         self.log_file = log_file
-        self.takers: list[Callable[[Tick], None]] = []
+        self.takers: list[TickHandler] = []
         self.dropped = 0
         self.limits = travel_limits_mm(wire)
         self._client = client

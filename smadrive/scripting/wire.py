@@ -20,7 +20,7 @@ from smadrive.numerics.scalars import whole_number
 from smadrive.rig.config import FeedbackConfig
 from smadrive.runs.figures.fit_plots import loop_figure, model_figure
 from smadrive.runs.health.assessment import assess, wire_file_of
-from smadrive.runs.plots import PlotFigure
+from smadrive.runs.plot_style import PlotFigure
 from smadrive.runs.record_fit import (
     INPUT,
     OUTPUT,

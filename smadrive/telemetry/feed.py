@@ -21,15 +21,15 @@ OFF, UNCONFIRMED = "off", "off, unconfirmed"
 class RunFeed(TickFeed):
     """Writes ticks and status of a run to shared memory; a context manager around the rig.
 
-    `heating` is the `mode` while ticks arrive. When the context ends, the rig is closed, and the status tells whether
-    the heater is confirmed off.
+    `mode` is the published mode while ticks arrive. When the context ends, the rig is closed, and the status tells
+    whether the heater is confirmed off.
     """
 
-    def __init__(self, writer: SharedWriter, config: RigConfig, heating: str) -> None:
+    def __init__(self, writer: SharedWriter, config: RigConfig, mode: str) -> None:
         super().__init__(
             writer, config, {}, mode=OFF, began_unix_s=None, **dict.fromkeys(("end", "fault", "fault_type"))
         )
-        self._heating = heating
+        self._running_mode = mode
 
     def __enter__(self) -> Self:
         """Publish the first status."""
@@ -58,5 +58,5 @@ class RunFeed(TickFeed):
     def tick(self, tick: Tick) -> None:
         """Write a tick. The first tick begins the published `mode`, and gives the time of all rows."""
         if self._began_s is None:
-            self._publish(began_unix_s=time.time() - tick.time_s, mode=self._heating)
+            self._publish(began_unix_s=time.time() - tick.time_s, mode=self._running_mode)
         super().tick(tick)

@@ -19,7 +19,7 @@ def is_too_cold(temperature_c: float, ambient_c: float) -> bool:
 
 
 def cold_wire_caveats(temperature_c: float, ambient_c: float) -> tuple[str, ...]:
-    """Return a reason to distrust the temperature of the unheated wire, in °C, or nothing. NaN is no reason."""
+    """Return a caveat if the unheated wire reads too far from the ambient temperature, else nothing; none for NaN."""
     if is_too_cold(temperature_c, ambient_c):
         cure = f"{CHECK_CALIBRATION}, before the wire is heated"
     elif temperature_c > ambient_c + COLD_WIRE_K:
@@ -30,7 +30,7 @@ def cold_wire_caveats(temperature_c: float, ambient_c: float) -> tuple[str, ...]
 
 
 def calibration_caveats(corrected_c: float, ambient_c: float) -> tuple[str, ...]:
-    """Return a reason to distrust a calibration that corrects a reading of `ambient_c` to `corrected_c`, or nothing."""
+    """Return a caveat if a calibration changes a reading of `ambient_c` too much, to `corrected_c`; else nothing."""
     if abs(corrected_c - ambient_c) <= COLD_WIRE_K:
         return ()
     corrected = f"the calibration corrects a reading of {ambient_c:g} °C to {corrected_c:.1f} °C"

@@ -1,4 +1,12 @@
-"""A wire file: the data sheet of a wire, and the nominal heat balance that follows from it."""
+"""A wire file: the data sheet of a wire, its nominal heat balance, and the checks of its resistance.
+
+**Alloy.** A wire of diameter d with the resistance R' per metre has the resistivity rho = R' π d² / 4. Nickel-titanium
+has about 0.8 µΩ·m, copper-based shape-memory alloys have about 0.1 µΩ·m, copper itself has 0.017 µΩ·m. A resistivity
+outside `RESISTIVITIES_UOHM_M` is a mistyped number.
+
+**Measurement.** The measured resistance includes leads and clamps. A difference from the data sheet by more than the
+factor `RESISTANCE_FACTOR` means a wrong wire file.
+"""
 
 from __future__ import annotations
 
@@ -11,10 +19,18 @@ from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import WIRE
 from smadrive.files.shipped import config_file
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
-from smadrive.wire.nominal_resistance import RESISTIVITIES_UOHM_M, resistivity_uohm_m
 
 AGEING_C = 200.0
 """Above this temperature in °C nickel-titanium ages permanently. The wire file of another alloy sets its own limit."""
+
+RESISTIVITIES_UOHM_M = (0.03, 5.0)
+"""Lowest and highest resistivity of a wire in µΩ·m."""
+
+RESISTANCE_FACTOR = 1.5
+"""Largest factor, up or down, between the measured resistance and the data sheet."""
+
+LEADS_OHM = 0.5
+"""Resistance of leads and clamps in ohms. It matters for a short thick wire."""
 
 
 class WireDataSheet(Section):
@@ -74,3 +90,19 @@ def load_data_sheet(name: str) -> WireDataSheet:
     ConfigError for a missing or invalid file.
     """
     return load_config(config_file(name, WIRE), WireDataSheet)
+
+
+def resistivity_uohm_m(diameter_mm: float, resistance_ohm_per_m: float) -> float:
+    """Return the resistivity in µΩ·m: the resistance in Ω/m times the cross-section in mm²."""
+    return resistance_ohm_per_m * 0.25 * pi * diameter_mm**2
+
+
+def resistance_caveats(measured_ohm: float, nominal: HeatBalance) -> tuple[str, ...]:
+    """Return a caveat if the measured resistance cannot be that of the data sheet, otherwise nothing; none for NaN."""
+    ends_ohm = nominal.resistance_ohm(0.0), nominal.resistance_ohm(1.0)
+    low_ohm, high_ohm = min(ends_ohm) / RESISTANCE_FACTOR, RESISTANCE_FACTOR * (max(ends_ohm) + LEADS_OHM)
+    if not (measured_ohm < low_ohm or measured_ohm > high_ohm):
+        return ()
+    limits = f"{low_ohm:.3g} to {high_ohm:.3g} Ω are possible"
+    found = f"the measured resistance is {measured_ohm:.3g} Ω, and the wire file gives {ends_ohm[0]:.3g} Ω ({limits})"
+    return (f"{found}: check resistance_ohm_per_m, length_mm and the clamps",)

@@ -10,6 +10,8 @@ The whole wire has one temperature T, and one austenite fraction w, which rises 
 The wire absorbs the latent heat Q on heating and gives it back on cooling. In the middle of the transformation Q
 doubles the apparent heat capacity, so the feedforward needs Q. The sign of r differs between wires, so r is fitted.
 The thermocouple is a bead on the wire. Its reading T_tc follows with a first-order lag: lag · dT_tc/dt = T - T_tc.
+
+If the resistance is identified, `WireModel.resistance_ohm` takes R(T, ξ) of identified_resistance.py in place of R(w).
 """
 
 from __future__ import annotations

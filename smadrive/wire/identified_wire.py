@@ -21,8 +21,8 @@ from smadrive.hysteresis import IdentifiedModel, save_model
 from smadrive.hysteresis.model import loop_plot
 from smadrive.hysteresis.model_file import model_text, parse_model, read_model
 from smadrive.wire.heat_balance import PARAMETERS, BalanceSource, HeatBalance
+from smadrive.wire.identified_resistance import NUMBERS, SPLINE, WireResistance
 from smadrive.wire.recorded_loops import Sections
-from smadrive.wire.resistance import NUMBERS, SPLINE, WireResistance
 from smadrive.wire.wire_model import WireModel, travel_mm
 
 _SECTION_KEYS = ("turning_points_c", "ends_c")

@@ -1,10 +1,10 @@
-"""How well the resistance of a wire shows its displacement, along the two branches of its loop.
+"""The observability of the displacement by the resistance, along the two branches of the loop.
 
 Along a branch the temperature changes together with the phase ξ, so R(T(ξ), ξ) may rise and fall again, because of the
 temperature coefficients or of an R-phase. Then one resistance belongs to two displacements of the branch. The
-thermocouple tells these apart, but the resistance alone does not: this band is lost to it.
+thermocouple distinguishes these displacements, but the resistance alone does not: this band is lost.
 
-At a known temperature the standard deviation of one sample is σ_U / (I |dR/dξ|) strokes; see resistance.py.
+At a known temperature the standard deviation of one sample is σ_U / (I |dR/dξ|) strokes; see identified_resistance.py.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.wire.resistance import WireResistance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ def lost_band(wire: WireModel, resistance: WireResistance, *, rising: bool) -> t
 
 
 COLD_PHASE, COLD_MARGIN_C = 0.002, 2.0
-"""The wire is cold if its cooling branch, this much warmer, has at most this phase."""
+"""The wire counts as cold if its cooling branch has at most this phase at a temperature higher by this many K."""
 
 
 def cold_c(wire: WireModel, resistance: WireResistance) -> float:
@@ -109,7 +109,7 @@ def sense_text(wire: WireModel, resistance: WireResistance) -> str:
 
 
 def lost_text(wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
-    """Return the bands that are lost to the resistance, one sentence each."""
+    """Return the bands in which the resistance alone does not show the displacement, one sentence each."""
     sentences = []
     for rising, way in ((True, "heating"), (False, "cooling")):
         if (band := lost_band(wire, resistance, rising=rising)) is not None:

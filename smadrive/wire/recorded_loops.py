@@ -1,9 +1,9 @@
-"""The loops of the record from which a wire was identified, and two checks of a run: is it near them, is it remembered.
+"""The loops of the record of a wire, and two checks of a run: is it near these loops, and does the model remember it?
 
 A model with memory knows the wire after a turning point only where the record turned, too. So the sections of the
-record are kept with the model, each as its turning point and its end: of sections that turn at about the same input,
-only the longest. A section of a run is near the record if a recorded section of the same direction turned at most
-`NEAR` of the recorded range away, and reached its end within the same distance.
+record are kept with the model, each as its turning point and its end. If several sections turn at about the same input,
+only the longest is kept. A section of a run is near the record if a recorded section of the same direction turned at
+most `NEAR` of the recorded range away, and reached its end within the same distance.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def outside(run: Sections, recorded: Sections) -> Sections:
 
 
 def dropped_turns(model: TSFuzzyPreisach, run: Sections) -> int:
-    """Return the number of turning points that `model` drops on a run, because too many loops lie in each other."""
+    """Return the number of turning points that `model` drops on a run, because too many loops lie inside each other."""
     if not run:
         return 0
     state = model.initial_state(run[0][0])

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from smadrive.hysteresis import HysteresisModel, HysteresisState, IdentifiedModel
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.resistance import WireResistance
+from smadrive.wire.identified_resistance import WireResistance
 
 SHORT_WAY_C = 0.1
 """Change of temperature over which the slope of the hysteresis counts as constant, K."""

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 

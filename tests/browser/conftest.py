@@ -22,7 +22,7 @@ from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.resistance import WireResistance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_properties import WireProperties
 
 CHROMIUM = shutil.which("chromium")

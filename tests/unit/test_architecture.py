@@ -5,6 +5,7 @@ The directions of imports are checked by `lint-imports`.
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -108,6 +109,8 @@ RULES = (
     Rule("wanted", "setpoint", area="smadrive/tuning/page"),
     Rule("told", "message, metadata: what it is"),
     Rule("known", "parameters, names: what it is", whole=True),
+    Rule("doubt", "DisturbanceEvidence", area="smadrive/control"),
+    Rule("doubts", "caveats"),
     Rule("bench", "SimulatedBench", ("class",), "firmware_sim", whole=True),
     Rule("bench", "Rig, SimulatedBench", area="smadrive/"),
 )
@@ -130,7 +133,12 @@ class Name(NamedTuple):
     @property
     def words(self) -> str:
         """The name as lower-case words with `_` between, around and at both ends."""
-        return "_" + re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", self.text).lower().strip("_") + "_"
+        return words_of(self.text)
+
+
+@cache
+def words_of(text: str) -> str:
+    return "_" + re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", text).lower().strip("_") + "_"
 
 
 def names_of(path: Path) -> list[Name]:
@@ -232,6 +240,7 @@ def test_class_names_are_used_once(package):
         ("self.wanted_mm = 1.0", "setpoint_mm"),
         ("class Fit:\n    about: str", "metadata"),
         ("def f(known): ...", "parameters, names: what it is"),
+        ("def unit_doubts(): ...", "caveats"),
         ("_bench = 1", "Rig, SimulatedBench"),
         ("class BenchSupply: ...", None),
         ("setpoint_mm = 1.0", None),

@@ -1,23 +1,17 @@
-"""Builds the emulator and the firmware with `make`, when they are needed.
-
-The results lie in the user's cache folder, in a folder for each state of the sources and each set of variables.
-"""
+"""The emulator and the firmware, which are built when they are needed, and the ranges of the board."""
 
 from __future__ import annotations
 
 import re
 import shutil
-import subprocess
-import tempfile
-from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 
-from firmware_sim.board.library import cache_folder
+from firmware_sim.board.build import Product, built
 from firmware_sim.config import Board
 from smadrive.errors import ConfigError
 
-EMULATOR = Path(__file__).parent / "library"
+CHIPS = Path(__file__).parent / "chips"
 TARGET = Path(__file__).parents[1] / "atmega328p"
 CORE = TARGET.parent / "core"
 TOOLS = ("make", "gcc", "avr-gcc")
@@ -25,7 +19,6 @@ HEADERS = (Path("/usr/include/simavr/sim_avr.h"), Path("/usr/include/libelf.h"))
 AVR_HEADER = Path("/usr/lib/avr/include/avr/io.h")
 PACKAGES = "make gcc gcc-avr avr-libc libsimavr-dev libelf-dev"
 _DEFINE = re.compile(r"^#define (\w+) (\d+)u", re.MULTILINE)
-_SOURCES = ("*.c", "*.h", "Makefile")
 
 
 def missing_tools() -> list[str]:
@@ -70,9 +63,22 @@ def _range_of(path: Path) -> Range:
     )
 
 
+def _check_tools() -> None:
+    if missing := missing_tools():
+        raise ConfigError(
+            "the emulated board needs programs that are not installed",
+            value=", ".join(missing),
+            cure=f"apt-get install {PACKAGES}",
+        )
+
+
+EMULATOR = Product("libemulator.so", "the emulated board", CHIPS, (CHIPS,), _check_tools)
+FIRMWARE = Product("board.elf", "the emulated board", TARGET, (TARGET, TARGET / "ranges", CORE), _check_tools)
+
+
 def emulator_library() -> Path:
     """Return the shared library of the emulator, which is built if necessary. ConfigError if that fails."""
-    return _built("libemulator.so", EMULATOR, (EMULATOR,))
+    return built(EMULATOR)
 
 
 def firmware_file(board: Board, *, hang_hook: bool = False) -> Path:
@@ -86,35 +92,4 @@ def firmware_file(board: Board, *, hang_hook: bool = False) -> Path:
         "WATCHDOG_MS": round(board.watchdog_s * 1e3),
     }
     defines = [f"-D{key}={count}u" for key, count in counts.items()] + ["-DHANG_HOOK"] * hang_hook
-    variables = (f"RANGE={range_for(board.supply_limit_a).name}", "DEFINES=" + " ".join(defines))
-    return _built("board.elf", TARGET, (TARGET, TARGET / "ranges", CORE), *variables)
-
-
-def _built(name: str, folder: Path, sources: tuple[Path, ...], *variables: str) -> Path:
-    """Return the file `name` that `make` builds in `folder` from the files in `sources`."""
-    target = cache_folder() / f"{Path(name).stem}-{_digest(sources, variables)}"
-    if not (target / name).exists():
-        _make(name, folder, variables, target)
-    return target / name
-
-
-def _digest(sources: tuple[Path, ...], variables: tuple[str, ...]) -> str:
-    files = sorted(path for folder in sources for pattern in _SOURCES for path in folder.glob(pattern))
-    return sha256(b"\0".join((*map(str.encode, variables), *(path.read_bytes() for path in files)))).hexdigest()[:16]
-
-
-def _make(name: str, folder: Path, variables: tuple[str, ...], target: Path) -> None:
-    if missing := missing_tools():
-        raise ConfigError(
-            "the emulated board needs programs that are not installed",
-            value=", ".join(missing),
-            cure=f"apt-get install {PACKAGES}",
-        )
-    target.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=target.parent) as building:
-        command = ["make", "-s", "-C", str(folder), f"BUILD={building}", *variables]
-        made = subprocess.run(command, capture_output=True, text=True, check=False)
-        if made.returncode:
-            raise ConfigError("the emulated board cannot be built", where=folder, value=made.stderr.strip()[-2000:])
-        target.mkdir(exist_ok=True)
-        (Path(building) / name).replace(target / name)  # at once, so that no other process loads a part of it
+    return built(FIRMWARE, f"RANGE={range_for(board.supply_limit_a).name}", "DEFINES=" + " ".join(defines))

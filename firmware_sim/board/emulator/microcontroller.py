@@ -11,7 +11,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import NamedTuple
 
-from firmware_sim.board.emulator.library import Probes, SentByte, World, load_library
+from firmware_sim.board.emulator.bindings import Probes, SentByte, World, load_library
 from smadrive.errors import DeviceError
 
 HZ = 16_000_000

@@ -10,7 +10,6 @@ from firmware_sim.board.emulator.microcontroller import HZ, Microcontroller, Sen
 from smadrive.modbus.framing import rtu
 
 BAUDRATE = 115200
-BYTE_CYCLES = HZ * 10 // BAUDRATE
 FRAME_PAUSE_CYCLES = HZ * 175 // 100_000
 """Silence between two frames, 1.75 ms."""
 PATIENCE_CYCLES = HZ // 100

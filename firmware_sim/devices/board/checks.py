@@ -59,7 +59,11 @@ class CurrentCheck:
 
 
 def temperature_limit(temperature: int, temperature_max: int, current_max: int) -> int | None:
-    """Return the limit of the current near `temperature_max`. None means that there is no limit yet."""
+    """Return the highest current at this temperature, or None if the temperature does not limit it.
+
+    The limit falls from `current_max` to 0 over the last 5 °C below `temperature_max`. It is 0 without a valid
+    temperature.
+    """
     margin = temperature_max * PER_LIMIT - temperature
     if temperature == NO_TEMPERATURE or margin <= 0:
         return 0

@@ -1,4 +1,4 @@
-"""What a board reads from its sensors, in the counts of its registers (docs/sma-reference.md).
+"""The readings of a board from its sensors, in the counts of its registers (docs/sma-reference.md).
 
 Every implementation of the board judges these counts, so all of them judge the numbers that a host reads.
 """
@@ -15,7 +15,7 @@ NO_TEMPERATURE = -0x8000
 AMPERE, VOLT, DEGREE, MILLIMETRE = 10_000, 1_000, 100, 10_000
 """Counts of the registers for 1 A, 1 V, 1 °C and 1 mm."""
 COUNT_C, COUNT_A, COUNT_V = 0.01, 0.0001, 0.001
-"""One count of the registers. A reading is divided by it, as by the scale in a profile, and rounded alike."""
+"""One count of the registers. A reading is divided by it and rounded, as with the scale of a profile."""
 
 
 class BoardFault(IntFlag):
@@ -56,7 +56,7 @@ class BoardReadings(NamedTuple):
 
 
 def board_readings(sensors: Sensors) -> BoardReadings:
-    """Return what a board reads now. A current or a voltage that is not a number is read as 0."""
+    """Return the present readings of a board. A current or a voltage that is not a number is read as 0."""
     detected = 0
     for finding in sensors.findings:
         detected |= DETECTED[finding].value

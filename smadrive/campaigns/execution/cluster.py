@@ -3,7 +3,7 @@
 Every worker has one thread, because a run computes in Python, and one BLAS thread. Dask repeats the tasks of a worker
 that dies. A task that has ended `ALLOWED_FAILURES` workers counts as failed.
 
-Dask executes what is sent to it. A local cluster listens on 127.0.0.1 alone.
+Dask executes any code that it receives. So a local cluster listens on 127.0.0.1 only.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ OPTION = "--scheduler"
 PROTOCOLS = ("tcp", "tls", "ws", "wss", "ucx")
 
 CONNECTS_WITHIN_S = 10.0
-"""A scheduler that does not answer for this time is not there."""
+"""Longest wait for the answer of a scheduler, s."""
 
 SETTINGS = {
     "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,

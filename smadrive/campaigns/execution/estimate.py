@@ -1,7 +1,7 @@
 """Time and disk space of a campaign, estimated before it starts.
 
-The time of a run is the number of its ticks. The time of a tick is measured here, on the rig of the first run. A fit, a
-smoothed reference and a Preisach wire cost as much as a number of ticks that was measured once.
+The time of a run is the number of its ticks. The time of a tick is measured here, on the rig of the first run. The
+times of a fit, of a smoothed reference and of a Preisach wire are fixed numbers of ticks, which were measured once.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ SYNCED_S = 1.0
 class Journal:
     """The finished runs of a campaign by number, in memory and on the disk.
 
-    A context manager; inside, no other command may use the folder.
+    A context manager. In its `with` block, no other command may use the folder.
     """
 
     def __init__(self, folder: Path, plan: CampaignPlan, *, resume: bool) -> None:

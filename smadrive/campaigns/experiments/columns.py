@@ -1,6 +1,6 @@
 """The columns of the table of results, besides the axes: unit and meaning of each metric.
 
-Columns of one group are empty (NaN) in a run that has no such part: a fit tracks nothing.
+The columns of a part are NaN in a run without this part. For example, a fit has no tracking.
 """
 
 from __future__ import annotations

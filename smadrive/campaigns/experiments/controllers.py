@@ -1,10 +1,10 @@
 """The controllers that a campaign compares: the inverse feedforward, and baselines without it.
 
-inverse          the controller of every run of smadrive, on the identified model
+inverse          the controller of `smadrive run`, on the identified model
 duhem-inverse    the same controller on a Duhem model that is fitted to the same record
 plain-map        the same controller with a static temperature map, without hysteresis
-feedback-only    no feedforward: displacement → power by a PI controller; without a displacement sensor, the
-                 temperature setpoint of the static map by the temperature feedback alone
+feedback-only    no feedforward: a PI controller from displacement to power. Without a displacement sensor: the
+                 temperature feedback alone, with the static map as its setpoint
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from smadrive.campaigns.experiments.identification import WireKnowledge
 from smadrive.campaigns.plan.config import FitConfig
 from smadrive.campaigns.plan.plan import PlannedRun
-from smadrive.control.controllers.temperature import Command, Controller
+from smadrive.control.controllers.interface import Command, Controller
 from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse, StaticMap
 from smadrive.control.references.reference import Reference

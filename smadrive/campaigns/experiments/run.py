@@ -79,7 +79,10 @@ def _documents_text(documents: RunDocuments) -> str:
 
 
 def identify(run: PlannedRun) -> WireKnowledge | FailedIdentification:
-    """Excite and identify the wire of a run. An error is a result: each run that needs this wire has it as its own."""
+    """Excite and identify the wire of a run.
+
+    An error is returned as a result: every run that needs this wire fails with it.
+    """
     began_s = time.thread_time()
     try:
         return excited_wire(run)._replace(cpu_s=time.thread_time() - began_s)

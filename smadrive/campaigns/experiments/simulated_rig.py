@@ -1,4 +1,4 @@
-"""The rig of one run: its random wire, its simulated devices, and the faults that come during the run.
+"""The rig of one run: its random wire, its simulated devices, and the faults that begin during the run.
 
 The addresses in the rig file have no effect: all devices are simulated in this process, in virtual time. No port is
 opened, and no state is kept.
@@ -64,9 +64,10 @@ class SimulatedRig:
         self.rig = Rig(config, transports=transports, data_sheet=data_sheet)
 
     def plan_disturbance(self, disturbance: tuple[DisturbanceConfig, ...], scored_from_s: float) -> None:
-        """Let the faults come at their times, counted from `scored_from_s` after now. ConfigError for an unknown fault.
+        """Plan the faults of a disturbance. ConfigError for an unknown fault.
 
-        A random time depends on the seed of the noise.
+        Its times count from the end of the approach, `scored_from_s` from now. A random time depends on the seed of the
+        noise.
         """
         random, begins_s = Random(self._seed), self.simulated_bench.time_s + scored_from_s
         entries = (_entry(one, begins_s, random) for one in disturbance)

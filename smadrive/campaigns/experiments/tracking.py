@@ -75,12 +75,14 @@ class TickSeries:
 def tracking_row(run: PlannedRun, knowledge: WireKnowledge, log_file: Path | None = None) -> Row:
     """Track the reference of the run, and return its metrics. With `log_file`, also record the run in this log.
 
-    A trip is a result: its row has the status `tripped`. Other errors are raised.
+    A trip is a result: its row has the status `tripped`. Other errors are raised, for example a ConfigError if the
+    displacement cannot come from the resistance.
     """
     assert run.reference is not None
     sim = simulated_wire(run)
     simulated = SimulatedRig(run, _with_or_without_sensor(run, sim), TRACKING)
-    wire = WireModel(knowledge.wire.model, knowledge.wire.heat_balance or simulated.rig.nominal_balance)
+    balance = knowledge.wire.heat_balance or simulated.rig.nominal_balance
+    wire = WireModel(knowledge.wire.model, balance, knowledge.wire.resistance)
     planned = planned_reference(run.reference, wire, run.documents.rig)
     series = TickSeries(simulated)
     row = {**wire_row(sim), **knowledge.row, "smoothed": planned.smoothed}
@@ -104,6 +106,7 @@ def _driven(
     """Run the controller on the simulated rig, and record the run if it has a log."""
     controller, inverse = controller_of(run, knowledge, wire, planned.reference)
     with simulated.rig as rig:
+        rig.check_sensing(wire, rig.config.displacement_from, rig.measure().temperature_c)
         simulated.plan_disturbance(run.disturbance, planned.reference.scored_from_s)
         log = nullcontext() if log_file is None else _recorder(log_file, run, rig, planned.reference, wire, inverse)
         with log as recorder:

@@ -172,7 +172,8 @@ class DisturbanceConfig(Section):
         if (self.at_s is None) == (self.between_s is None):
             raise ValueError(f"'{self.name}' needs either at_s = 10.0 or between_s = [5.0, 60.0]")
         if self.between_s is not None and not 0.0 <= self.between_s[0] < self.between_s[1]:
-            raise ValueError(f"between_s = {list(self.between_s)} of '{self.name}' must increase from 0 or more")
+            limit = f"[first, last] with 0 <= first < last (it is {list(self.between_s)})"
+            raise ValueError(f"between_s of '{self.name}' must be {limit}")
         return self
 
 

@@ -1,6 +1,6 @@
 """The runs of a campaign, in their order, with the files that they read.
 
-The order is that of the axes, the last axis fastest. So runs of one wire follow each other where the wire is an early
+The order is that of the axes, the last axis fastest. So runs of one wire follow each other if the wire is an early
 axis. The number of a run is its place in this order, and the table is sorted by it.
 """
 

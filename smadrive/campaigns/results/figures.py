@@ -13,7 +13,7 @@ from smadrive.campaigns.plan.axes import Axis
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.results.sensitivity import ColumnShare
 from smadrive.campaigns.results.summary import level_text
-from smadrive.runs.plots import FAINT, LIMIT, MEASURED, SETPOINT, legend, panels
+from smadrive.runs.plot_style import FAINT, LIMIT, MEASURED, SETPOINT, legend, panels
 from smadrive.runs.report import Plot
 
 if TYPE_CHECKING:

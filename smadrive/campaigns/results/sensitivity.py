@@ -6,10 +6,10 @@ values, the corrected correlation ratio (epsilon squared) is the share of the va
     eps² = 1 - (1 - eta²) (n - 1) / (n - L)         eta² = Σ n_l (mean R_l - mean R)² / Σ (R - mean R)²
 
 n is the number of runs, n_l and R_l those with value l. On a complete grid eta² is the first-order Sobol index of R.
-The correction makes the expected share 0 for an axis without effect. A property of random wires gets the part of the
-wires' own share that its correlation explains: eps² of the wires times 1 - (1 - rho²) (m - 1) / (m - 2), with m wires
-and Spearman's correlation rho of the property with the mean rank of each wire. Shares below 0 count as 0. Interactions
-belong to no share, so the shares do not sum up to 1.
+The correction makes the expected share 0 for an axis without effect. A property of random wires gets a part of the
+share of the wires: eps² of the wires times 1 - (1 - rho²) (m - 1) / (m - 2). m is the number of wires, rho Spearman's
+correlation of the property with the mean rank of each wire. Shares below 0 count as 0. Interactions belong to no share,
+so the shares do not sum up to 1.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 FEWEST_RUNS = 8
-"""With fewer runs a share says nothing."""
+"""Smallest number of runs for which shares are computed."""
 
 FEWEST_WIRES = 12
-"""With fewer random wires, a correlation with their properties says nothing."""
+"""Smallest number of random wires for which their properties get shares."""
 
 WIRES = "wire.seed"
 """The setting that makes a wire random."""

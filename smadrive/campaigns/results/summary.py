@@ -18,8 +18,6 @@ from smadrive.files.spelling import suggestion_or_list
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-UNRANKED = ("run", "status", "error_type", "error")
-
 
 class SummaryRow(NamedTuple):
     """The runs with one combination of values: median, 90 % quantile and largest value of the metric, and counts."""

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from smadrive.cli.terminal.output import Output
+from smadrive.control.loop import TickHandler
 from smadrive.display.card import count_text
 from smadrive.rig.config import RigConfig
-from smadrive.rig.rig import Record, Rig
+from smadrive.rig.rig import Rig
 
 if TYPE_CHECKING:
     from smadrive.runs.experiments import Watch
@@ -33,11 +34,11 @@ Publish = Annotated[
 OFF_BY_MQTT = "`off` from the broker"
 """The text of a stop by MQTT, as an ending of `stopped by`."""
 
-HEATING = {"run": "tracking", "excite": "exciting", "heat": "heating", "watch": "off"}
+MODES = {"run": "tracking", "excite": "exciting", "heat": "heating", "watch": "off"}
 """The published `mode` of each command while its ticks arrive."""
 
 
-class Publishing:
+class RunPublication:
     """The publication of a run; without `--publish` its methods change nothing."""
 
     def __init__(self, feed: RunFeed | None, publication: Publication | None) -> None:
@@ -57,14 +58,14 @@ class Publishing:
             return watch
 
         @contextmanager
-        def both(recorder: TickRecorder, duration_s: float) -> Iterator[Record]:
+        def both(recorder: TickRecorder, duration_s: float) -> Iterator[TickHandler]:
             with watch(recorder, duration_s) as record:
                 yield each([record, feed.tick])
 
         return both
 
     @property
-    def takers(self) -> list[Record]:
+    def takers(self) -> list[TickHandler]:
         """The functions that publish a tick: one or none."""
         return [] if self._feed is None else [self._feed.tick]
 
@@ -73,7 +74,7 @@ class Publishing:
         return {} if self._publication is None else {"published": self._publication.counts._asdict()}
 
 
-def each(takers: list[Record]) -> Record:
+def each(takers: list[TickHandler]) -> TickHandler:
     """Return the function that passes each tick to all `takers`."""
     if len(takers) == 1:
         return takers[0]
@@ -86,27 +87,29 @@ def each(takers: list[Record]) -> Record:
 
 
 @contextmanager
-def publishing(url: str | None, config: RigConfig, command: str, output: Output) -> Iterator[Publishing]:
+def run_publication(url: str | None, config: RigConfig, command: str, output: Output) -> Iterator[RunPublication]:
     """Publish to the broker at `url` during the `with` block, which opens and closes the rig.
 
     The end of the block prints how many samples the broker has got. If `url` is None, nothing is published.
     """
     if url is None:
-        yield Publishing(None, None)
+        yield RunPublication(None, None)
         return
     from smadrive.stream.shared_memory import SharedWriter  # noqa: PLC0415
     from smadrive.telemetry.feed import RunFeed  # noqa: PLC0415 (most calls publish nothing)
 
     with (
         SharedWriter() as writer,
-        published(url, config, command, writer, output) as publication,
-        RunFeed(writer, config, HEATING[command]) as feed,
+        open_publication(url, config, command, writer, output) as publication,
+        RunFeed(writer, config, MODES[command]) as feed,
     ):
-        yield Publishing(feed, publication)
+        yield RunPublication(feed, publication)
 
 
 @contextmanager
-def published(url: str, config: RigConfig, command: str, writer: SharedWriter, output: Output) -> Iterator[Publication]:
+def open_publication(
+    url: str, config: RigConfig, command: str, writer: SharedWriter, output: Output
+) -> Iterator[Publication]:
     """Publish what `writer` gets during the `with` block. Say whether the broker answers, and at the end the counts."""
     from smadrive.telemetry.address import parse_address  # noqa: PLC0415
     from smadrive.telemetry.publication import Publication  # noqa: PLC0415

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from smadrive.cli.terminal.output import Output
 from smadrive.clock import Clock, VirtualClock
+from smadrive.control.loop import TickHandler
 from smadrive.display.card import count_text
 from smadrive.errors import StoppedError
 from smadrive.identification.excitation import Excitation
-from smadrive.rig.rig import Record
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 
@@ -32,7 +32,7 @@ def announced(
 ) -> Watch:
     """Return a Watch that announces the experiment, and its `excitation` if there is one, and then calls `watch`."""
 
-    def both(recorder: TickRecorder, duration_s: float) -> AbstractContextManager[Record]:
+    def both(recorder: TickRecorder, duration_s: float) -> AbstractContextManager[TickHandler]:
         announce(output, log_file, what, duration_s, clock)
         if excitation is not None:
             announce_excitation(output, excitation, clock)

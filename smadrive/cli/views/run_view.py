@@ -16,7 +16,7 @@ from rich.console import Console, RichCast
 from rich.live import Live
 from rich.text import Text
 
-from smadrive.control.loop import Tick
+from smadrive.control.loop import Tick, TickHandler
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 
@@ -103,7 +103,7 @@ class RunView:
 @contextmanager
 def watched(
     recorder: TickRecorder, title: str, duration_s: float, current_max_a: float, *, quiet: bool
-) -> Iterator[Callable[[Tick], None]]:
+) -> Iterator[TickHandler]:
     """Yield the function that the loop calls with each tick: it records the tick, and shows it unless `quiet`."""
     console = Console(stderr=True)
     if quiet or not console.is_terminal:

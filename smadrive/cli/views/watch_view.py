@@ -12,7 +12,7 @@ from rich.text import Text
 
 from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.run_view import drawing, number
-from smadrive.control.loop import Tick
+from smadrive.control.loop import Tick, TickHandler
 
 WINDOW_S = 60.0
 """The time that a plot shows."""
@@ -129,7 +129,7 @@ def _value_text(tick: Tick, attribute: str, digits: int, unit: str) -> str:
 
 
 @contextmanager
-def watched_values(name: str, output: Output) -> Iterator[Callable[[Tick], None]]:
+def watched_values(name: str, output: Output) -> Iterator[TickHandler]:
     """Yield the function that shows each measurement: live, as a line a second, or as JSON lines."""
     console = Console(stderr=True)
     if output.quiet:

@@ -68,9 +68,9 @@ class TemperatureFeedback:
     _takes_over: bool = field(default=False, init=False)
 
     def take_over(self, before: TemperatureFeedback, integral_w: float) -> None:
-        """Continue from the feedback `before` with the integral `integral_w`, W. Its last command is the first command.
+        """Continue from the feedback `before`, with the integral `integral_w`, W.
 
-        The first command differs if the last command is above the new limit.
+        The first command equals the last command of `before`, or the new limit if that is lower.
         """
         self.integral_w, self.command_w = integral_w, before.command_w
         self._takes_over = True

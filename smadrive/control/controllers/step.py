@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isfinite, isnan, nan
 
+from smadrive.control.controllers.excitation import power_envelope_w
 from smadrive.control.controllers.feedback import PIGains, TemperatureFeedback
-from smadrive.control.controllers.temperature import Command, power_envelope_w
+from smadrive.control.controllers.interface import Command
 from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
 from smadrive.wire.heat_balance import HeatBalance

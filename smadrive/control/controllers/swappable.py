@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import inf
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.tracking import TrackingController
-from smadrive.control.estimation.sensing import Sensing
+from smadrive.control.estimation.source_selection import SourceState
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis.turning_points import Memory
 from smadrive.measurement import Measurement
@@ -44,10 +44,10 @@ class SwappableController:
         return None if state is None else state.estimate.hysteresis.memory
 
     @property
-    def sensing(self) -> Sensing | None:
+    def source(self) -> SourceState | None:
         """The state of the displacement's source; None before the first update."""
         state = self._controller.state
-        return None if state is None else state.sensing
+        return None if state is None else state.source
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Call `at_tick`, and return the command of the controller for this measurement."""

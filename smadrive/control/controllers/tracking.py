@@ -17,11 +17,11 @@ from math import inf, isfinite, sqrt
 from typing import NamedTuple
 
 from smadrive.control.controllers.feedback import INTEGRATED_C, PIGains, TemperatureFeedback
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.trim import DisplacementTrim
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
-from smadrive.control.estimation.resistance_sensor import ResistanceSensor, SeenDisplacement
-from smadrive.control.estimation.sensing import DisplacementSensing, Sensing
+from smadrive.control.estimation.resistance_sensor import DisplacementReading, ResistanceSensor
+from smadrive.control.estimation.source_selection import SourceSelection, SourceState
 from smadrive.control.feedforward.displacement import DisplacementFeedforward, DisplacementInverse, Feedforward
 from smadrive.control.feedforward.reversal_preview import Reversal, ReversalPreview
 from smadrive.control.references.reference import Reference
@@ -32,16 +32,16 @@ DISPLACEMENT_NOISE = 0.001
 """Assumed standard deviation of the noise of a displacement sensor, in strokes."""
 
 FASTER = 2.5
-"""With a measured displacement the time constant of the closed loop is shorter by this factor.
+"""With a measured displacement the time constant of the closed loop is divided by this factor.
 
-The estimate then has less noise than without a measured displacement.
+This is possible because the estimate then has less noise.
 """
 
 SHORTEST_PERIODS = 2.0
-"""It has at least this many periods of the loop."""
+"""Shortest time constant of the closed loop with a measured displacement, in periods of the loop."""
 
 INTEGRATED_WITH_OBSERVER_C = 0.1
-"""With the whole feedforward, the integral counts an error up to ± this value, K.
+"""With `feedforward_share` = 1, the integral counts an error up to ± this value, K.
 
 The observer then compensates the errors of the heat balance, and the integral would only overshoot after a large error.
 """
@@ -75,7 +75,7 @@ class TrackingState(NamedTuple):
     `estimate` is the estimated state of the wire, `power_w` the power in force, `trim_mm` the displacement trim.
     `direction` is +1 while the phase rises, -1 while the phase falls; the phase is the displacement as a share of the
     travel, 0 for the cold wire. `reversal` is the reversal that the wire is making now, or None while the wire follows
-    the reference. `ahead` is the estimate advanced by one period, `sensing` the state of the displacement's source.
+    the reference. `ahead` is the estimate advanced by one period, `source` the state of the displacement's source.
     """
 
     estimate: WireEstimate
@@ -84,7 +84,7 @@ class TrackingState(NamedTuple):
     direction: int
     reversal: Reversal | None
     ahead: WireEstimate
-    sensing: Sensing
+    source: SourceState
 
 
 class _Period(NamedTuple):
@@ -122,7 +122,7 @@ class TrackingController:
         noise_mm = DISPLACEMENT_NOISE * abs(wire.travel_mm)
         self._observer = WireObserver(wire, settings.period_s, settings.noise_c, noise_mm)
         resistance = None if wire.resistance is None else ResistanceSensor(wire, wire.resistance)
-        self._sensing = DisplacementSensing(settings.displacement_from, resistance, noise_mm, abs(wire.travel_mm))
+        self._sources = SourceSelection(settings.displacement_from, resistance, noise_mm, abs(wire.travel_mm))
         self._feedforward = DisplacementFeedforward(inverse, wire)
         self._preview = ReversalPreview(wire) if inverse.hysteretic else None
         balance, self._share = wire.balance, settings.feedforward_share
@@ -151,15 +151,15 @@ class TrackingController:
             reversal = before.state.reversal if before._reference is self._reference else None
             estimate = self._observer.adopt(before.state.estimate)
             ahead = self._observer.adopt(before.state.ahead)
-            sensing = self._sensing.adopt(before.state.sensing, before._sensing)
-            self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead, sensing=sensing)
+            source = self._sources.adopt(before.state.source, before._sources)
+            self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead, source=source)
             self._feedback.take_over(before._feedback, self._integral_w(before, estimate.temperature_c))
 
     def _integral_w(self, before: TrackingController, temperature_c: float) -> float:
         """Return the integral with which the feedback continues, W.
 
-        With another share of the feedforward it is the power that this share leaves to the integral at `temperature_c`:
-        the integral of `before` would be wrong for as long as the integral time.
+        It is the integral of `before` if both controllers use the same share of the feedforward. Otherwise it is the
+        power that the new share leaves to the integral at `temperature_c`.
         """
         if before._share == self._share:
             return before._feedback.integral_w
@@ -168,25 +168,25 @@ class TrackingController:
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Return the command for the period of `dt_s` seconds that begins `dt_s` after the measurement."""
         before = self._state or self._started(measurement)
-        sensing, seen = self._sensing.update(before.sensing, measurement, before.estimate, before.ahead, dt_s)
-        estimate = self._observed(measurement, seen.used, dt_s)
+        source, selected = self._sources.update(before.source, measurement, before.estimate, before.ahead, dt_s)
+        estimate = self._observed(measurement, selected.used, dt_s)
         period = self._coming_period(self._observer.predict(estimate, before.power_w, dt_s), time_s + dt_s, dt_s)
         direction, reversal = self._course(before, period)
         target = self._target(period, before.trim_mm, direction, reversal)
         error_c, feedforward_w = target.temperature_c - period.ahead.temperature_c, self._share * target.power_w
-        if is_seen := isfinite(seen.used.mm):
+        if is_measured := isfinite(selected.used.mm):
             latent_c = self._latent_k_per_mm * (target.displacement_mm - period.ahead.hysteresis.y)
             power_w = self._feedback.update(error_c + latent_c, feedforward_w, period.limit_w, dt_s, self._faster)
         else:
             power_w = self._feedback.update(error_c, feedforward_w, period.limit_w, dt_s)
         ohm = self._wire.resistance_ohm(period.ahead.hysteresis)
-        power_w = max(min(power_w, self._sensing.most_a(sensing) ** 2 * ohm), self._sensing.floor_a(sensing) ** 2 * ohm)
+        power_w = max(min(power_w, self._sources.most_a(source) ** 2 * ohm), self._sources.floor_a(source) ** 2 * ohm)
         trim_mm = 0.0
-        if reversal is None and is_seen:
+        if reversal is None and is_measured:
             is_free = 0.0 < power_w < period.limit_w
             error_mm = period.setpoint_mm - period.ahead.hysteresis.y
             trim_mm = self._trim.update(before.trim_mm, error_mm, error_c if is_free else inf, dt_s)
-        self._state = TrackingState(estimate, power_w, trim_mm, direction, reversal, period.ahead, sensing)
+        self._state = TrackingState(estimate, power_w, trim_mm, direction, reversal, period.ahead, source)
         return Command(
             sqrt(power_w / ohm),
             target.temperature_c,
@@ -196,30 +196,30 @@ class TrackingController:
             power_w,
             self._observer.cooling(estimate),
             estimate.shift_c,
-            *seen.by_resistance,
-            uses_resistance=float(sensing.needs_resistance),
+            *selected.by_resistance,
+            uses_resistance=float(source.needs_resistance),
         )
 
     def _started(self, measurement: Measurement) -> TrackingState:
         """Return the state of a wire at rest."""
-        estimate = self._observer.start(measurement.temperature_c, self._sensing.start_mm(measurement))
-        return TrackingState(estimate, 0.0, 0.0, 1, None, estimate, self._sensing.start())
+        estimate = self._observer.start(measurement.temperature_c, self._sources.start_mm(measurement))
+        return TrackingState(estimate, 0.0, 0.0, 1, None, estimate, self._sources.start())
 
-    def _observed(self, measurement: Measurement, seen: SeenDisplacement, dt_s: float) -> WireEstimate:
+    def _observed(self, measurement: Measurement, displacement: DisplacementReading, dt_s: float) -> WireEstimate:
         """Return the present estimate.
 
         It uses the measured power, or the commanded power if the measured power is unknown.
         """
         if self._state is None:
-            return self._observer.start(measurement.temperature_c, self._sensing.start_mm(measurement))
+            return self._observer.start(measurement.temperature_c, self._sources.start_mm(measurement))
         measured_w = measurement.current_a * measurement.voltage_v
         return self._observer.update(
             self._state.estimate,
             measurement.temperature_c,
-            seen.mm,
+            displacement.mm,
             measured_w if isfinite(measured_w) else self._state.power_w,
             dt_s,
-            seen.noise_mm,
+            displacement.noise_mm,
         )
 
     def _coming_period(self, ahead: WireEstimate, time_s: float, dt_s: float) -> _Period:

@@ -61,7 +61,10 @@ PHASE_NOISE = 0.003
 """Error of the hysteresis model: standard deviation of the phase after one second."""
 
 SLOW_PHASE_NOISE = 0.001
-"""The same for a noisy displacement. It is smaller, because over seconds the errors of the model cancel in part."""
+"""The same for a displacement with more noise than the smallest.
+
+It is smaller, because the filter then averages over seconds, in which the errors of the model cancel in part.
+"""
 
 SHIFT_S = 1000.0
 """The shift decays with this time constant, s. Without a decay the Riccati equation has no stationary solution."""
@@ -95,7 +98,7 @@ class Correction(NamedTuple):
 
 
 class GainsByNoise:
-    """Gain schedules for several noises of the measured displacement, because that by the resistance varies.
+    """Gain schedules for several noises of the displacement, because the noise of the resistance varies.
 
     `noise` is the smallest noise, in shares of the travel. There are `noises` schedules; each has `NOISE_STEP` times
     the noise of the schedule before. Between two noises the corrections are interpolated over the logarithm of the
@@ -109,18 +112,18 @@ class GainsByNoise:
             for level in range(noises)
         ]
 
-    def by_reading(self, read_c: float, doubt: float) -> Correction:
+    def by_reading(self, read_c: float, evidence: float) -> Correction:
         """Return the correction when only the thermocouple is measured; see GainSchedule."""
-        return self._schedules[0].by_reading(read_c, doubt)
+        return self._schedules[0].by_reading(read_c, evidence)
 
-    def by_both(self, slope: float, read_c: float, seen: float, doubt: float, noise: float) -> Correction:
+    def by_both(self, slope: float, read_c: float, phase_error: float, evidence: float, noise: float) -> Correction:
         """Return the correction for a displacement with the standard deviation `noise`; see GainSchedule."""
         place = min(log(max(noise / self._noise, 1.0)) / log(NOISE_STEP), self._last)
         level = int(place)
-        below = self._schedules[level].by_both(slope, read_c, seen, doubt)
+        below = self._schedules[level].by_both(slope, read_c, phase_error, evidence)
         if place == level:
             return below
-        above = self._schedules[level + 1].by_both(slope, read_c, seen, doubt)
+        above = self._schedules[level + 1].by_both(slope, read_c, phase_error, evidence)
         share = place - level
         return Correction(*[low + share * (high - low) for low, high in zip(below, above, strict=True)])
 
@@ -129,11 +132,11 @@ class GainSchedule:
     """The Kalman gains of the observer for one wire, tabulated over the slope of the hysteresis model.
 
     `slope` is the derivative of the phase with respect to the wire temperature, 1/K. The phase is the displacement as a
-    share of the travel. `read_c` and `seen` are measured - expected value: `read_c` of the thermocouple in K, `seen` of
-    the phase. `doubt` goes from 0, for the gains in calm air, to 1, for the gains in a disturbance. The larger gains
-    apply to at most `MOST_NOISES` standard deviations of the noise, because a spike of a sensor is no disturbance. The
-    standard deviations of the noise are `noise_c` of the thermocouple, K, and `noise` of the measured phase.
-    `phase_noise` is the error of the hysteresis model, the standard deviation of the phase after one second.
+    share of the travel. `read_c` and `phase_error` are measured - expected value: `read_c` of the thermocouple in K,
+    `phase_error` of the phase. `evidence` goes from 0, for the gains in calm air, to 1, for the gains in a disturbance.
+    The larger gains apply to at most `MOST_NOISES` standard deviations of the noise, because a spike of a sensor is no
+    disturbance. The standard deviations of the noise are `noise_c` of the thermocouple, K, and `noise` of the measured
+    phase. `phase_noise` is the error of the hysteresis model, the standard deviation of the phase after one second.
     """
 
     def __init__(
@@ -151,41 +154,44 @@ class GainSchedule:
             _reading_gain(balance, period_s, noise_c, process).tolist() for process in (CALM, DISTURBED)
         )
 
-    def by_reading(self, read_c: float, doubt: float) -> Correction:
+    def by_reading(self, read_c: float, evidence: float) -> Correction:
         """Return the correction when only the thermocouple is measured. Shift and phase keep their values.
 
         `read_c` is its measured - expected temperature, K.
         """
-        more_c = doubt * min(max(read_c, -self._most_c), self._most_c)
+        more_c = evidence * min(max(read_c, -self._most_c), self._most_c)
         wire, thermocouple, disturbance = (
             calm * read_c + (disturbed - calm) * more_c
             for calm, disturbed in zip(self._calm_reading, self._disturbed_reading, strict=True)
         )
         return Correction(wire, thermocouple, disturbance, 0.0, 0.0)
 
-    def by_both(self, slope: float, read_c: float, seen: float, doubt: float) -> Correction:
+    def by_both(self, slope: float, read_c: float, phase_error: float, evidence: float) -> Correction:
         """Return the correction when thermocouple and displacement are measured.
 
-        `read_c` is measured - expected temperature of the thermocouple, K. `seen` is measured - expected phase. The
-        gains are interpolated between the two tabulated slopes next to `slope`, 1/K.
+        `read_c` is measured - expected temperature of the thermocouple, K. `phase_error` is measured - expected phase.
+        The gains are interpolated between the two tabulated slopes next to `slope`, 1/K.
         """
-        calm = self._at(self._calm, slope, read_c, seen)
-        if doubt == 0.0:
+        calm = self._at(self._calm, slope, read_c, phase_error)
+        if evidence == 0.0:
             return Correction(*calm)
-        read_c, seen = min(max(read_c, -self._most_c), self._most_c), min(max(seen, -self._most), self._most)
-        less, more = (self._at(gains, slope, read_c, seen) for gains in (self._calm, self._disturbed))
+        read_c, phase_error = (
+            min(max(read_c, -self._most_c), self._most_c),
+            min(max(phase_error, -self._most), self._most),
+        )
+        less, more = (self._at(gains, slope, read_c, phase_error) for gains in (self._calm, self._disturbed))
         parts = zip(calm, less, more, strict=True)
-        return Correction(*[one + doubt * (high - low) for one, low, high in parts])
+        return Correction(*[one + evidence * (high - low) for one, low, high in parts])
 
-    def _at(self, gains: list[JointGain], slope: float, read_c: float, seen: float) -> list[float]:
+    def _at(self, gains: list[JointGain], slope: float, read_c: float, phase_error: float) -> list[float]:
         """Return the correction by `gains`, which are tabulated over the slope."""
         place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
         cell = min(int(place), SLOPES - 2)
         above = place - cell
         below = 1.0 - above
         return [
-            (below * read0 + above * read1) * read_c + (below * seen0 + above * seen1) * seen
-            for (read0, seen0), (read1, seen1) in zip(gains[cell], gains[cell + 1], strict=True)
+            (below * read0 + above * read1) * read_c + (below * phase0 + above * phase1) * phase_error
+            for (read0, phase0), (read1, phase1) in zip(gains[cell], gains[cell + 1], strict=True)
         ]
 
 

@@ -5,12 +5,13 @@ standard deviation σ. A disturbance makes the mean of e differ from zero. The t
 
     m <- (1 - λ) m + λ e          standard deviation of m: σ sqrt(λ / (2 - λ))
 
-The doubt grows from 0 to 1 while |m| grows from one threshold to the next, in units of this standard deviation. It then
-decays with `HOLD_S`. The observer uses larger Kalman gains while it doubts its prediction (adaptive Kalman filter;
-Roberts, Technometrics 1, 1959, for the chart of the weighted mean).
+The evidence of a disturbance has a level from 0 to 1. The level grows from 0 to 1 while |m| grows from a first to a
+second threshold, in units of this standard deviation. It decays with the time constant `HOLD_S`. With the level the
+observer raises its Kalman gains (adaptive Kalman filter; Roberts, Technometrics 1, 1959, for the chart of the weighted
+mean).
 
-A draft begins or ceases within a second or two. A doubt that lasts longer has another cause: a bead that comes off lags
-by seconds, and with the larger gains the wire would overheat. So the integral of the doubt over time is limited.
+A draft begins or ceases within a second or two. Evidence that lasts longer has another cause: a bead that comes off
+lags by seconds, and with the larger gains the wire would overheat. So the integral of the level over time is limited.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ from __future__ import annotations
 from math import exp, hypot, sqrt
 from typing import NamedTuple
 
-READ_WEIGHT, SEEN_WEIGHT = 0.3, 0.5
+READ_WEIGHT, PHASE_WEIGHT = 0.3, 0.5
 """Weight λ of the latest innovation: of the thermocouple, and of the displacement, which has less noise."""
 
-READ_SPREAD, SEEN_SPREAD = 1.1, 1.5
+READ_SPREAD, PHASE_SPREAD = 1.1, 1.5
 """Standard deviation σ of the innovations, divided by that of the sensor's noise; the model has an error, too."""
 
 LAG_SHARE = 0.03
@@ -30,27 +31,30 @@ LAG_SHARE = 0.03
 The gap is the difference between wire and thermocouple. A fast heating makes it tens of kelvin, and is no disturbance.
 """
 
-READ_THRESHOLDS, SEEN_THRESHOLDS = (3.5, 7.0), (2.5, 5.0)
-"""The doubt is 0 up to the first, and 1 from the second on, in standard deviations of the mean."""
+READ_THRESHOLDS, PHASE_THRESHOLDS = (3.5, 7.0), (2.5, 5.0)
+"""The level is 0 up to the first, and 1 from the second on, in standard deviations of the mean."""
 
 HOLD_S = 1.0
-"""Time constant in which the doubt decays, s."""
+"""Time constant in which the level decays, s."""
 
 MOST_S, FORGET_S = 2.0, 20.0
-"""The integral of the doubt over time at which the doubt ends, s, and the time constant in which it is forgotten, s."""
+"""The largest integral of the level over time, s, and the time constant in which this integral is forgotten, s.
+
+At a larger integral the level is 0.
+"""
 
 
-class Doubt(NamedTuple):
+class DisturbanceEvidence(NamedTuple):
     """The state of the test.
 
-    `read_c` is the mean innovation of the thermocouple in K, `seen` that of the displacement as a share of the travel.
-    `doubt` is 0 while the innovations look like noise, up to 1 for a certain disturbance. `spent_s` is the integral of
-    the doubt over time, which is forgotten slowly.
+    `read_c` is the mean innovation of the thermocouple in K, `phase` that of the displacement as a share of the travel.
+    `level` is 0 while the innovations look like noise, and 1 for a certain disturbance. `spent_s` is the integral of
+    the level over time, which is forgotten slowly.
     """
 
     read_c: float = 0.0
-    seen: float = 0.0
-    doubt: float = 0.0
+    phase: float = 0.0
+    level: float = 0.0
     spent_s: float = 0.0
 
 
@@ -65,9 +69,9 @@ class InnovationTest:
         self._period_s = period_s
         self._decay, self._forget = exp(-period_s / HOLD_S), exp(-period_s / FORGET_S)
         self._read_c = READ_SPREAD * noise_c * sqrt(READ_WEIGHT / (2.0 - READ_WEIGHT))
-        self._seen = SEEN_SPREAD * noise * sqrt(SEEN_WEIGHT / (2.0 - SEEN_WEIGHT))
+        self._phase = PHASE_SPREAD * noise * sqrt(PHASE_WEIGHT / (2.0 - PHASE_WEIGHT))
 
-    def by_reading(self, before: Doubt, read_c: float, gap_c: float) -> Doubt:
+    def by_reading(self, before: DisturbanceEvidence, read_c: float, gap_c: float) -> DisturbanceEvidence:
         """Return the state after the innovation `read_c` of the thermocouple, K.
 
         `gap_c` is the difference between the temperatures of wire and thermocouple, K.
@@ -75,21 +79,27 @@ class InnovationTest:
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
         return self._limited(before, mean_c, 0.0, self._of_reading(mean_c, gap_c))
 
-    def by_both(self, before: Doubt, read_c: float, gap_c: float, seen: float) -> Doubt:
-        """Return the state after the innovations of thermocouple, K, and displacement, share of the travel."""
+    def by_both(
+        self, before: DisturbanceEvidence, read_c: float, gap_c: float, phase_error: float
+    ) -> DisturbanceEvidence:
+        """Return the state after an innovation of the thermocouple and one of the displacement.
+
+        `read_c` is that of the thermocouple, K, `phase_error` that of the displacement, as a share of the travel.
+        `gap_c` is the difference between the temperatures of wire and thermocouple, K.
+        """
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
-        mean = before.seen + SEEN_WEIGHT * (seen - before.seen)
-        of_seen = _grown(abs(mean) / self._seen, SEEN_THRESHOLDS)
-        return self._limited(before, mean_c, mean, max(self._of_reading(mean_c, gap_c), of_seen))
+        mean = before.phase + PHASE_WEIGHT * (phase_error - before.phase)
+        of_phase = _grown(abs(mean) / self._phase, PHASE_THRESHOLDS)
+        return self._limited(before, mean_c, mean, max(self._of_reading(mean_c, gap_c), of_phase))
 
     def _of_reading(self, mean_c: float, gap_c: float) -> float:
         return _grown(abs(mean_c) / hypot(self._read_c, LAG_SHARE * gap_c), READ_THRESHOLDS)
 
-    def _limited(self, before: Doubt, mean_c: float, mean: float, grown: float) -> Doubt:
-        """Return the state with the doubt `grown`, or with the decayed doubt of `before` if that is larger."""
-        doubt = max(before.doubt * self._decay, grown)
-        spent_s = before.spent_s * self._forget + doubt * self._period_s
-        return Doubt(mean_c, mean, doubt if spent_s < MOST_S else 0.0, spent_s)
+    def _limited(self, before: DisturbanceEvidence, mean_c: float, mean: float, grown: float) -> DisturbanceEvidence:
+        """Return the state with the level `grown`, or with the decayed level of `before` if that is larger."""
+        level = max(before.level * self._decay, grown)
+        spent_s = before.spent_s * self._forget + level * self._period_s
+        return DisturbanceEvidence(mean_c, mean, level if spent_s < MOST_S else 0.0, spent_s)
 
 
 def _grown(deviations: float, thresholds: tuple[float, float]) -> float:

@@ -26,7 +26,7 @@ from math import isfinite, nan
 from typing import NamedTuple
 
 from smadrive.control.estimation.gain import GainsByNoise
-from smadrive.control.estimation.innovation import Doubt, InnovationTest
+from smadrive.control.estimation.innovation import DisturbanceEvidence, InnovationTest
 from smadrive.hysteresis import HysteresisState
 from smadrive.hysteresis.reversal import Play
 from smadrive.wire.wire_model import WireModel, WireState
@@ -38,7 +38,7 @@ It is less than 1, because a predicted temperature has less noise than a reading
 """
 
 BLIND_NOISES = 1.0
-"""The same without a measured displacement: the step then ends at a corrected temperature, which has more noise."""
+"""The same without a measured displacement. The step then ends at a corrected temperature, which has more noise."""
 
 DRAFT_SHARE = 0.1
 """An unexplained power of more than this share of the heat loss is a draft, and changes in proportion to the loss."""
@@ -50,7 +50,7 @@ The thermocouple alone cannot tell a draft from a bead that comes off. More powe
 """
 
 NOISES = 5
-"""Number of noises of the displacement by the resistance: up to 256 times the noise of a sensor."""
+"""Number of noises with solved gains if the resistance is identified; the largest is 256 times the smallest."""
 
 MOST_SHIFT_C = 10.0
 """Largest shift of the transformation by a changed load, K: about 75 MPa.
@@ -68,9 +68,9 @@ class WireEstimate(NamedTuple):
 
     `temperature_c` is the temperature of the wire, `thermocouple_c` that of the thermocouple. `hysteresis` is the state
     of the hysteresis model. `disturbance_w` is the power that the heat balance does not explain. `play` is the state of
-    the dead band between the temperature and the hysteresis model, and `radius_c` its radius. `doubt` is the state of
-    the innovation test. `shift_c` is the shift of the transformation: the input of the hysteresis model is lower than
-    the temperature by this value, K.
+    the dead band between the temperature and the hysteresis model, and `radius_c` its radius. `evidence` is the state
+    of the innovation test. `shift_c` is the shift of the transformation: the input of the hysteresis model is lower
+    than the temperature by this value, K.
     """
 
     temperature_c: float
@@ -79,7 +79,7 @@ class WireEstimate(NamedTuple):
     disturbance_w: float
     play: Play
     radius_c: float = 0.0
-    doubt: Doubt = Doubt()
+    evidence: DisturbanceEvidence = DisturbanceEvidence()
     shift_c: float = 0.0
 
 
@@ -148,8 +148,8 @@ class WireObserver:
             return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm or self._noise_mm)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
         read_c = reading_c - thermocouple_c if isfinite(reading_c) else 0.0
-        doubt = self._test.by_reading(before.doubt, read_c, wire_c - thermocouple_c)
-        correction = self._gains.by_reading(read_c, doubt.doubt)
+        evidence = self._test.by_reading(before.evidence, read_c, wire_c - thermocouple_c)
+        correction = self._gains.by_reading(read_c, evidence.level)
         wire_c += correction.temperature_c
         play, hysteresis = self._stepped(before, wire_c, self._blind_c)
         thermocouple_c += correction.thermocouple_c
@@ -157,14 +157,14 @@ class WireObserver:
         most_w = MOST_DRAFT * self._balance.loss_w_per_k * excess_c
         disturbance_w = max(disturbance_w + correction.disturbance_w, -most_w)
         return WireEstimate(
-            wire_c, thermocouple_c, hysteresis, disturbance_w, play, self._blind_c, doubt, before.shift_c
+            wire_c, thermocouple_c, hysteresis, disturbance_w, play, self._blind_c, evidence, before.shift_c
         )
 
     def _predicted(self, before: WireEstimate, power_w: float, dt_s: float, radius_c: float) -> WireEstimate:
         """Return the prediction, with a dead band of the radius `radius_c`."""
         wire_c, read_c, disturbance_w = self._heated(before, power_w, dt_s)
         play, hysteresis = self._stepped(before, wire_c, radius_c)
-        return WireEstimate(wire_c, read_c, hysteresis, disturbance_w, play, radius_c, before.doubt, before.shift_c)
+        return WireEstimate(wire_c, read_c, hysteresis, disturbance_w, play, radius_c, before.evidence, before.shift_c)
 
     def _heated(self, before: WireEstimate, power_w: float, dt_s: float) -> tuple[float, float, float]:
         """Return the predicted temperatures of wire and thermocouple, °C, and the predicted unexplained power, W."""
@@ -194,12 +194,14 @@ class WireObserver:
         the temperature, but the model makes no step: the correction of the phase already contains the effect of the
         temperature.
         """
-        seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
+        phase_error = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
         gap_c = expected.temperature_c - expected.thermocouple_c
-        doubt = self._test.by_both(expected.doubt, read_c, gap_c, seen * min(self._noise_mm / noise_mm, 1.0))
+        evidence = self._test.by_both(
+            expected.evidence, read_c, gap_c, phase_error * min(self._noise_mm / noise_mm, 1.0)
+        )
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
         wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(
-            slope, read_c, seen, doubt.doubt, noise_mm / abs(self._wire.travel_mm)
+            slope, read_c, phase_error, evidence.level, noise_mm / abs(self._wire.travel_mm)
         )
         limited_c = min(max(expected.shift_c + shift_c, -MOST_SHIFT_C), MOST_SHIFT_C)
         shift_c = limited_c - expected.shift_c
@@ -211,6 +213,6 @@ class WireObserver:
             expected.disturbance_w + power_w,
             Play(expected.play.position + wire_c, expected.play.direction),
             expected.radius_c,
-            doubt,
+            evidence,
             limited_c,
         )

@@ -1,15 +1,16 @@
 """The resistance of the wire as a displacement sensor.
 
 The measured U/I, without the change of the leads (lead.py), gives the phase at the estimated temperature
-(wire/resistance.py), and so the displacement. Its standard deviation σ_d contains the noise of voltage and current, and
-the errors that do not average out: those of the leads, of the fit and of the temperature.
+(wire/identified_resistance.py), and so the displacement. Its standard deviation σ_d contains the noise of voltage and
+current, and the errors that do not average out: those of the leads, of the fit and of the temperature.
 
     σ_d² = travel² [ (σ_U/I)² + N (σ_δ² + σ_fit² + (dR/dT σ_T)²) ] / (dR/dξ)²
 
 The observer averages about N = `AVERAGED` samples. A constant error counts N times, because the observer must not take
 N samples with the same error for a better one.
 
-U/I is old by the delay of the identified resistance. So the rate of the predicted resistance is added for this time.
+U/I is the resistance a delay ago (wire/identified_resistance.py). So the change that the model predicts for this delay
+is added.
 
 While the wire cools, a sense current keeps the resistance observable (wire/observability.py).
 """
@@ -22,28 +23,31 @@ from typing import NamedTuple
 from smadrive.control.estimation.lead import TEMPERATURE_C, LeadChange
 from smadrive.control.estimation.observer import WireEstimate
 from smadrive.measurement import Measurement
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import COLD_PHASE, cold_c, sense_current
-from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 AVERAGED = 10.0
-"""Number of samples over which the observer averages about."""
+"""Number of samples over which the observer averages, approximately."""
 
 SLOW_C_PER_S, FAST_C_PER_S = 12.0, 25.0
-"""Rate of the cold wire while its leads are measured, K/s, and the rate from which its temperature is not certain."""
+"""Limits for the measurement of the leads of a cold wire, K/s.
+
+The current may heat the wire at the first rate. At a larger rate than the second, no sample counts.
+"""
 
 MOST_NOISE = 0.3
 """A displacement with a larger standard deviation, in strokes, is not used."""
 
 
-class SeenDisplacement(NamedTuple):
+class DisplacementReading(NamedTuple):
     """A displacement and its standard deviation, mm. Both are NaN without a measurement."""
 
     mm: float
     noise_mm: float
 
 
-UNSEEN = SeenDisplacement(nan, nan)
+NO_READING = DisplacementReading(nan, nan)
 
 
 class ResistanceSensor:
@@ -71,7 +75,7 @@ class ResistanceSensor:
         measurement: Measurement,
         before: WireEstimate,
         ahead: WireEstimate,
-        sensor: SeenDisplacement,
+        sensor: DisplacementReading,
         dt_s: float,
     ) -> LeadChange:
         """Return the estimate of the leads after a measurement.
@@ -98,24 +102,25 @@ class ResistanceSensor:
 
     def displacement(
         self, lead: LeadChange, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
-    ) -> SeenDisplacement:
+    ) -> DisplacementReading:
         """Return the displacement by the resistance, for the arguments of `lead`.
 
-        It is unseen without current, with too much noise, and while the wire is cold: its phase is known then.
+        There is no reading without current, with too much noise, and while the wire is cold, because its phase is 0
+        then.
         """
         resistance, temperature_c, wire = self._resistance, ahead.temperature_c, self._wire
         start = wire.phase(ahead.hysteresis)
         slope = resistance.ohm_per_phase(temperature_c, start)
         ohm = self._ohm(measurement, before, ahead, slope, dt_s)
         if not isfinite(ohm) or slope == 0.0 or self.is_cold(before):
-            return UNSEEN
+            return NO_READING
         lead_ohm, lead_variance = lead.estimate()
         phase = resistance.phase(ohm - lead_ohm, temperature_c, start)
         constant = lead_variance + resistance.error_ohm**2 + (self._ohm_per_k * TEMPERATURE_C) ** 2
         noise = sqrt((resistance.noise_v / measurement.current_a) ** 2 + AVERAGED * constant) / abs(slope)
         if not noise < MOST_NOISE or not isfinite(phase):
-            return UNSEEN
-        return SeenDisplacement(wire.cold_mm + wire.travel_mm * phase, noise * abs(wire.travel_mm))
+            return NO_READING
+        return DisplacementReading(wire.cold_mm + wire.travel_mm * phase, noise * abs(wire.travel_mm))
 
     def is_cold(self, before: WireEstimate) -> bool:
         """Return True if the wire is martensite after any history."""

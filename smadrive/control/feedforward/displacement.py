@@ -31,7 +31,7 @@ WAITING_RANGE_C = 0.5
 """A wire that leads the reference waits at most this far below (on cooling: above) its present temperature, K."""
 
 READY = 0.0003
-"""The branch on which a waiting wire will move begins where the wire would move by this fraction of the stroke."""
+"""The next branch of a waiting wire begins where the wire would move by this fraction of the stroke."""
 
 MOST_K = 200.0
 """Largest derivative of the temperature with respect to the phase, K.
@@ -144,7 +144,10 @@ class HysteresisInverse:
         return TemperatureTarget(inversion.v, k_per_mm, reached.y)
 
     def _k_per_mm(self, per_k: float) -> float:
-        """Return the derivative of the temperature for the slope `per_k` of the phase in 1/K, at most `MOST_K`."""
+        """Return the derivative of the temperature with respect to the displacement, K/mm.
+
+        `per_k` is the slope of the phase, 1/K. The derivative with respect to the phase is at most `MOST_K`.
+        """
         return min(1.0 / per_k, MOST_K) / self._travel_mm if per_k > 0.0 else 0.0
 
     def _wait(self, state: HysteresisState, lead: float, direction: int, setpoint_mm: float) -> TemperatureTarget:

@@ -226,7 +226,7 @@ class Reference:
 
 
 def _sizes(times: Array, values: Array) -> str:
-    """Return the numbers of times and of displacements as text; of columns with more dimensions, the shapes."""
+    """Return the lengths of both columns as text, or their shapes if a column has more than one dimension."""
     if times.ndim == values.ndim == 1:
         return f"{times.size} times and {values.size} displacements"
     return f"shapes {times.shape} and {values.shape}"

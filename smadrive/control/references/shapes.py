@@ -198,8 +198,7 @@ def _held(levels_mm: FloatArray, hold_s: float, *, every_s: float) -> Reference:
 def _check(*, may_hold: bool = False, **keys: float) -> None:
     """Raise DataError for an impossible displacement, and ConfigError for any other key that is not positive.
 
-    ConfigError also for a value of another type than a number, and for equal
-    levels, unless the shape `may_hold` a level.
+    ConfigError also for a value that is not a number, and for equal levels. `may_hold` permits equal levels.
     """
     for name, given in keys.items():
         value = real_number(given, f"{WHERE}: {name}")
@@ -217,7 +216,7 @@ def _check(*, may_hold: bool = False, **keys: float) -> None:
 
 
 def _multiple(name: str, value: float, *, of: float) -> int:
-    """Return value / of as an integer. ConfigError for another quotient: each level is held for its whole dwell."""
+    """Return value / of. ConfigError if it is not a whole number, because each level is held for its whole dwell."""
     count = round(value / of)
     if abs(value / of - count) > ROUNDING * count:
         near = " or ".join(f"{of * whole:g}" for whole in (int(value / of), int(value / of) + 1) if whole)
@@ -228,8 +227,8 @@ def _multiple(name: str, value: float, *, of: float) -> int:
 def _check_pace(duration_s: float, pieces: float, longest_s: float) -> None:
     """Raise DataError when a shape is too short or too long, or one of its `pieces` is shorter than `SHORTEST_S`.
 
-    A piece is half a swing, or a level. From shorter pieces the steps of the table would make an alias, a slower swing.
-    A piece of `SHORTEST_S` still has five steps. Call this function before the table is made.
+    A piece is half a swing, or a level. With shorter pieces, the table would have too few samples per swing and show a
+    slower swing (alias). A piece of `SHORTEST_S` still has five steps. Call this function before the table is made.
     """
     check_length(duration_s, longest_s=real_number(longest_s, f"{WHERE}: longest_s"))
     most = duration_s / SHORTEST_S

@@ -13,8 +13,6 @@ from smadrive.devices.profile.profile import Profile
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.transport import Transport
 
-BOOT_MS = 5000.0
-"""Many boards restart when their port is opened. This is the longest time until they answer."""
 PATIENCE_MS = 200.0
 """Longer than a board may take for a reply, so that the checks also reach a slow one."""
 
@@ -24,8 +22,8 @@ def check_board(transport: Transport, profile: Profile) -> Iterator[CheckResult]
 
     The board is off at the end. IdentityError if the device is another one; DeviceError if a fault stays.
     """
-    times = {"boot_ms": BOOT_MS, "response_timeout_ms": PATIENCE_MS}
-    patient = profile.model_copy(update={"timing": profile.timing.model_copy(update=times)})
+    timing = profile.timing.model_copy(update={"response_timeout_ms": PATIENCE_MS})
+    patient = profile.model_copy(update={"timing": timing})
     device = Device(patient, ModbusClient(transport))
     device.check_identity()
     board = CheckedBoard(device)

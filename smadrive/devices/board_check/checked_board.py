@@ -46,7 +46,10 @@ class CheckedBoard:
         return self.device.read(_MEASURED)
 
     def command(self, current_a: float, *, is_new: bool = True) -> Readings:
-        """Send a tick that keeps the board enabled, and return the readings. `is_new` takes a new sequence number."""
+        """Send a command that keeps the board enabled, and return the readings.
+
+        If `is_new`, the command has a new sequence number.
+        """
         if is_new:
             self._sequence = self._sequence + 1 if self._sequence + 1 in SEQUENCES else SEQUENCES[0]
         command = {"sequence": self._sequence, "heater_current": current_a, "heater_enable": 1}

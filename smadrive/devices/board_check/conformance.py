@@ -34,7 +34,7 @@ class FrameLine:
 
     @property
     def latest_s(self) -> float:
-        """The longest time to a reply that is allowed."""
+        """The longest allowed time to a reply."""
         return ANSWER_S + self._transport.latency_s
 
     def now_s(self) -> float:

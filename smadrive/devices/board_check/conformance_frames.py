@@ -1,4 +1,4 @@
-"""The conformance frames of docs/sma-reference.md: what a board of map version 2 answers, in this order.
+"""The conformance frames of docs/sma-reference.md: requests in their order, with the replies of map version 2.
 
 The frames are for unit 1. They arm the board for some milliseconds, and command at most 30 mA.
 """

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class CheckKind(StrEnum):
-    """The subject of a check: the replies of the board, or what ends the heat."""
+    """The subject of a check: the replies of the board, or the end of its heat."""
 
     CONFORMANCE = "conformance"
     SAFETY = "safety"

@@ -16,7 +16,7 @@ from smadrive.errors import DeviceError, ExceptionReply, ProtocolError
 SMALL_A, OPEN_A = 0.03, 0.06
 WATCHDOG_S = 0.25
 LATEST_OFF_S = 0.02
-"""The current is zero within this time after a watchdog, or after another cause."""
+"""Longest allowed time from a cause, such as the watchdog, to zero current, s."""
 OPEN_WITHIN_S = 0.1
 OBSERVED_S = 1.0
 CLOCK_ERROR = 0.02

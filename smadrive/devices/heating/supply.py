@@ -68,8 +68,10 @@ class BenchSupply(DeviceSource[Device]):
         self._armed = True
 
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
-        """Measure while the previous current is in force, then set `current_a`, and return what was measured.
-        ReadBackError when the setting differs from the previous command.
+        """Measure while the previous current is in force, then set `current_a`, and return the measured values.
+
+        ReadBackError when the current setting is not that of the previous command, or when the voltage limit has
+        changed.
         """
         readings = self.device.command(self._names["heater_current"], current_a, self._reads, proved=proved)
         self._check_voltage_limit(readings)

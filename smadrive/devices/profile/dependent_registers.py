@@ -25,7 +25,7 @@ def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> C
     sign = _word(register.sign_register, readings)
     scale = _word(register.scale_from, readings)
     unit = _word(register.unit_from, readings)
-    problem = _doubt(register, readings)
+    problem = _state_problem(register, readings)
     for name, word in ((register.scale_from, scale), (register.unit_from, unit), (register.sign_register, sign)):
         if name is not None and word is None:
             problem = f"'{name}' is {readings[name].raw:g}, an unknown state"
@@ -83,7 +83,7 @@ def _word(name: str | None, readings: Mapping[str, RegisterReading]) -> str | No
     return reading.words[0] if reading.words else f"{reading.raw:g}"
 
 
-def _doubt(register: Register, readings: Mapping[str, RegisterReading]) -> str | None:
+def _state_problem(register: Register, readings: Mapping[str, RegisterReading]) -> str | None:
     for name, allowed in register.valid_when.items():
         if readings[name].raw not in allowed:
             return f"{name}: {_word(name, readings) or format(readings[name].raw, 'g')}"

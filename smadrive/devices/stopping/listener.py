@@ -29,7 +29,7 @@ MOST_ASKERS = 64
 
 
 class StopListener:
-    """Listens for requests to stop this driver, which messages call `where`. A context manager.
+    """Listens for requests to stop this driver; messages name it `where`. A context manager.
 
     Enter the context before the ports are opened, and leave it after they are closed: at its end, every program that
     sent a request learns that the line is free. After a request, the `with` block always ends with StoppedError. An

@@ -133,7 +133,7 @@ class PreisachPlane:
     def _piece(self, v: float, turn: float, rising: bool) -> _Piece:
         """Return the straight piece of p at v, on the section that began at `turn`; p is counted from the turn.
 
-        The latest two pieces of each direction are kept: a controller asks for that of the wire and that of its target.
+        The latest two pieces of each direction are cached: a controller needs that of the wire and that of its target.
         """
         latest = self._latest[rising]
         if latest[0] == turn and latest[1] <= v < latest[2]:

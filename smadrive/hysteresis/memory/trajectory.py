@@ -44,7 +44,7 @@ def _moving_states(plane: PreisachPlane, path: FloatArray, start: Memory) -> Flo
 def _events(
     plane: PreisachPlane, path: FloatArray, corners: np.ndarray, rising: np.ndarray, start: Memory
 ) -> tuple[list[int], list[float], list[float]]:
-    """Return the first sample, the turning point and the constant of p of each part between two events of the stack."""
+    """Return the first samples, turning points and constants of p of the parts between two changes of the stack."""
     p, turns, upward = start.plane, start.turns, start.rising
     first: list[int] = []
     turn: list[float] = []

@@ -69,12 +69,12 @@ GATE = 5.0
 JUMP_PER_C, JUMP = 0.05, 0.15
 """A sample is also rejected if its error has jumped since the last accepted sample.
 
-It may change by `GATE` standard deviations of the noise, plus JUMP_PER_C strokes per K of travel (at most JUMP).
+The error may change by `GATE` standard deviations of the noise, plus JUMP_PER_C strokes per K of travel (at most JUMP).
 """
 MOST_DISBELIEVED = 15
-"""If more samples in a row than this are rejected, the sensor is faulty."""
+"""The sensor is faulty if more than this number of samples in a row are rejected."""
 TRUSTED_MARKS = 30
-"""When a sensor turns out to be faulty, the parameters of this many checks earlier are restored."""
+"""If the sensor is faulty, the parameters from this number of checks before are restored."""
 STUCK_TRAVEL, STUCK_RANGE = 0.04, 0.1
 """A sensor is stuck if it shows less than STUCK_RANGE of a predicted travel of more than STUCK_TRAVEL strokes."""
 

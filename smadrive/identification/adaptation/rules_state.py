@@ -1,7 +1,10 @@
 """The state of adapted rules, and its derivatives with respect to their rates.
 
-A rule is described by two rates p, q ≥ 0: over the travel |v| of the input, the state x follows dx/d|v| = p (1 - x) - q
-x. The sensitivities z = ∂x/∂θ obey the same linear law. θ holds the rates, one number per set: p and q of the heating
+A rule is described by two rates p, q ≥ 0. Over the travel |v| of the input, the state x follows
+
+    dx/d|v| = p (1 - x) - q x
+
+The sensitivities z = ∂x/∂θ obey the same linear law. θ holds the rates, one number per set: p and q of the heating
 rules, then p and q of the cooling rules.
 """
 
@@ -66,7 +69,10 @@ class RulesState:
         self.x = min(max(self.x + float(self.z @ rates), 0.0), 1.0)
 
     def _piece(self, rates: FloatArray, middle: float, step: float) -> None:
-        """Advance over one piece with dx/d|v| = p (1 - x) - q x, exact in x; z uses x in the middle of the piece."""
+        """Advance x and z over one piece.
+
+        x is the exact solution of dx/d|v| = p (1 - x) - q x. The step of z takes x in the middle of the piece.
+        """
         lower, upper = self._base.input_range
         if not lower <= middle <= upper:
             return

@@ -1,7 +1,7 @@
 """Models with memory, fitted to a record: a Preisach plane alone, or rules and a plane in parallel.
 
-For rules and a plane, `mixture.py` first divides the output of the record between both parts. The rules are then fitted
-to their part of the output, in the same way as rules without memory.
+For rules and a plane, `parallel.py` first divides the output of the record between both parts. The rules are then
+fitted to their part of the output, in the same way as rules without memory.
 """
 
 from __future__ import annotations
@@ -13,18 +13,18 @@ import numpy as np
 
 from smadrive.hysteresis import DuhemModel, PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.memory.incidence import PlaneGrid
-from smadrive.identification.memory.mixture import duhem_part
+from smadrive.identification.memory.parallel import duhem_part
 from smadrive.identification.memory.plane_fit import PlaneProblem, grid_of
 from smadrive.identification.record import Record, prepare
 from smadrive.numerics.arrays import FloatArray
 
 COARSE = 28
-"""Thresholds of the plane while the output of the rules beside it is sought."""
+"""Number of thresholds on each axis of the plane while the output is divided between rules and plane."""
 
 SMOOTHNESS = 0.002
 """Weight of the prior of the densities."""
 
-_LEAST_SHARE = 0.03  # of the Duhem part of a mixture
+_LEAST_SHARE = 0.03  # of the Duhem part
 
 FitRules = Callable[[Record], tuple[TSFuzzyDuhem, float]]
 """A function that fits rules without memory to a record, and returns the model with the output at the first sample."""

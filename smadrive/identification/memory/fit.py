@@ -1,4 +1,4 @@
-"""How much memory a record supports: candidates are compared on loops that are held out of the fit.
+"""The choice of a model with or without memory, by loops of the record that are held out of the fit.
 
 There are three candidates: rules without memory, a Preisach plane alone, and both in parallel. Each is fitted twice,
 and each time another third of the loops is held out. These loops keep their places in the path of the input, because
@@ -24,7 +24,7 @@ from smadrive.errors import IdentificationError, SmadriveError
 from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import fit_duhem
 from smadrive.identification.memory.candidates import FitRules, Model, plane_alone, rules_and_plane
-from smadrive.identification.quality.fit import Fit, judge
+from smadrive.identification.quality.metrics import Fit, judge
 from smadrive.identification.record import Record, prepare
 from smadrive.identification.tsfuzzy.fit import fit_rules
 from smadrive.numerics.scalars import whole_number
@@ -39,7 +39,7 @@ THIRDS = (1, 2)
 """The thirds of the loops that are held out in turn. The first third is always fitted: it has the major loop."""
 
 LEAST_LOOPS = 6
-"""Loops of a record that can tell whether the wire has memory."""
+"""Smallest number of loops from which the memory of a wire can be judged."""
 
 Candidate = Callable[[Record], tuple[Model, float]]
 """A function that fits a candidate to a record. It returns the model with its output at the first sample."""
@@ -57,7 +57,10 @@ _ONE_SIDED = (
 _UNSEEN = 1e-6  # weight of a sample that is held out
 
 NOTHING_LEFT = 0.2
-"""RMS error of the rules, % of the output span, that leaves nothing for memory to explain; or the noise, if larger."""
+"""Rules with at most this RMS error, % of the output span, explain the record without memory.
+
+If the noise is larger, it is the limit.
+"""
 
 FEWEST_TURNING_POINT_SETS = 4
 """The smallest number of sets of the last turning point of a model with memory."""
@@ -89,7 +92,7 @@ def identify_memory(
         model, y0, choice = with_memory(record, memory, fit_these)
     fit = judge(model, record, y0)
     figures = {field.name: getattr(fit, field.name) for field in fields(fit)}
-    return MemoryFit(**figures | {"caveats": (*fit.caveats, *choice.doubts)}, memory=choice)
+    return MemoryFit(**figures | {"caveats": (*fit.caveats, *choice.caveats)}, memory=choice)
 
 
 def check_memory(memory: object, error: type[SmadriveError], where: str = "memory") -> None:
@@ -131,13 +134,13 @@ class MemoryChoice:
     `sets` is the number of sets of the last turning point; 1 is no memory. `with_percent` and `without_percent` are the
     RMS errors with and without memory on the held-out loops, which the fits did not see, in % of the output span. They
     are NaN if the number of sets was given, if the record has too few loops, and if a plane alone explains it much
-    worse than rules do. `doubts` are reasons to distrust the choice.
+    worse than rules do. `caveats` are reasons to distrust the choice.
     """
 
     sets: int
     with_percent: float
     without_percent: float
-    doubts: tuple[str, ...] = ()
+    caveats: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -171,11 +174,11 @@ def choose(
     plane = fit_plane(record)
     if record.misfit(*plane) > _HOPELESS * record.misfit(*rules):
         return *rules, MemoryChoice(1, nan, nan)
-    (model, y0), held_out, doubts = _better(record, plane, fit_plane, fit_both)
+    (model, y0), held_out, caveats = _better(record, plane, fit_plane, fit_both)
     without = _held_out(record, fit_rules)
-    if held_out >= (_ONE_SIDED_PAYS if doubts else _MEMORY_PAYS) * without:
+    if held_out >= (_ONE_SIDED_PAYS if caveats else _MEMORY_PAYS) * without:
         return *rules, MemoryChoice(1, held_out, without)
-    return model, y0, MemoryChoice(_sets_of(model, sets), held_out, without, doubts)
+    return model, y0, MemoryChoice(_sets_of(model, sets), held_out, without, caveats)
 
 
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
@@ -184,8 +187,8 @@ def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, 
     `sets` is the number of sets of the last turning point; `fit_rules` fits the rules.
     """
     fit_plane, fit_both = _candidates(record, sets, fit_rules)
-    (model, y0), _, doubts = _better(record, fit_plane(record), fit_plane, fit_both)
-    return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan, doubts)
+    (model, y0), _, caveats = _better(record, fit_plane(record), fit_plane, fit_both)
+    return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan, caveats)
 
 
 def _candidates(record: Record, sets: int, fit_rules: FitRules) -> tuple[Candidate, Candidate]:
@@ -200,9 +203,9 @@ def _candidates(record: Record, sets: int, fit_rules: FitRules) -> tuple[Candida
 def _better(
     record: Record, plane: tuple[Model, float], fit_plane: Candidate, fit_both: Candidate
 ) -> tuple[tuple[Model, float], float, tuple[str, ...]]:
-    """Return the better candidate with memory, fitted, its held-out error in % of the output span, and doubts about it.
+    """Return the better fitted candidate with memory, its held-out error in % of the output span, and its caveats.
 
-    `plane` is what `fit_plane` returned for the whole record. On a one-sided record the plane alone is better.
+    `plane` is the result of `fit_plane` for the whole record. On a one-sided record the plane alone is better.
     """
     held_out = _held_out(record, fit_plane)
     if not _shows_heating_inside(record):

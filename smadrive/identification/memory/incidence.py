@@ -1,4 +1,4 @@
-"""How much each cell of a Preisach plane contributes to the plane's state p along a path.
+"""The contribution of each cell of a Preisach plane to the state p of the plane along a path.
 
     p_k = Σ_cells on_k,cell · mass_cell
 

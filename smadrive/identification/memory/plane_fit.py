@@ -1,4 +1,4 @@
-"""Least-squares fit of the masses of a Preisach plane, with masses that are not negative and a prior for silent cells.
+"""Least-squares fit of the masses of a Preisach plane: no mass is negative, a prior determines cells without samples.
 
     minimise  Σ_k n_k (y_k - bottom - Σ_cells on_k,cell m_cell)² + λ² Σ_neighbours (m/A - m'/A')² A A'        m ≥ 0
 

@@ -1,7 +1,7 @@
 """Reasons to distrust an identified model, one sentence each.
 
-A certificate is about the rules of a model. A certified model can still be wrong about the wire: it may fail to
-reproduce the record, or it may guess the output in a gap of the record. The metrics alone do not show this.
+A certificate proves properties of the rules of a model. A certified model can still be wrong about the wire: it may
+fail to reproduce the record, or its output in a gap of the record may be arbitrary. The metrics alone do not show this.
 """
 
 from __future__ import annotations
@@ -59,5 +59,5 @@ def undetermined(branch: str, mixture: GaussianMixture, errors: MixtureErrors) -
     weight, error = min(zip(mixture.weights, errors.weights, strict=True), key=lambda one: one[0] / max(one[1], 1e-12))
     if weight >= 2 * error:
         return ()
-    doubt = f"a weight of {weight:.2f} is known to ±{2 * error:.2g} only; use fewer components, or record inner loops"
-    return (f"the record does not determine the {count} Gaussians of the {branch} branch: {doubt}",)
+    advice = f"a weight of {weight:.2f} is known to ±{2 * error:.2g} only; use fewer components, or record inner loops"
+    return (f"the record does not determine the {count} Gaussians of the {branch} branch: {advice}",)

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from smadrive.identification.quality.fit import rms_percent
+from smadrive.identification.quality.metrics import rms_percent
 from smadrive.identification.record import Record, prepare
 from smadrive.numerics.arrays import paired_vectors
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from smadrive.hysteresis import HysteresisModel
-    from smadrive.identification.quality.fit import Fit
+    from smadrive.identification.quality.metrics import Fit
     from smadrive.numerics.arrays import FloatArray
 
 

@@ -1,4 +1,4 @@
-"""Leave-one-out error of a fit, computed without new fits. It tells if the fit predicts samples that it did not use.
+"""Leave-one-out error of a fit: its error at samples that it did not use, computed without new fits.
 
 Near its minimum a least-squares fit is linear in the measured outputs. J is the Jacobian of all residuals, including
 the ties of the rules to the prior, and J_i is its row of sample i. Without sample i, the residual r_i becomes

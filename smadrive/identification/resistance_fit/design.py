@@ -1,4 +1,4 @@
-"""The linear problem of the resistance fit (resistance.py), and its solution with penalty and contraction.
+"""The linear problem of the resistance fit (fit.py), and its solution with penalty and contraction.
 
 For a given contraction e the resistance is linear in the parameters of f and g:
 
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from smadrive.wire.resistance import LEAST_NODES, spline_design
+from smadrive.wire.identified_resistance import LEAST_NODES, spline_design
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class LinearFit(NamedTuple):
 
     `residual_v` is weighted with the current. `inverse` is the inverse of the normal matrix. `matrix` maps the
     parameters to the resistances. `freedom` is the number of parameters that the penalty leaves free. `cost_v2` is the
-    sum of squares, with that of the tied contraction.
+    sum of squares, including the term of the contraction.
     """
 
     parameters: Array

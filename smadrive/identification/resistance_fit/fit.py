@@ -2,14 +2,14 @@
 
     U/I = (1 - e ξ)² [(1 - ξ) f(T) + ξ g(T)] - τ dR/dt + noise / I
 
-The equation is linear in the parameters of f and g for a given contraction e (see wire/resistance.py). So the fit is a
-weighted linear least-squares problem inside a search for e (variable projection; Golub and Pereyra, SIAM J. Numer.
-Anal. 10, 1973). The noise of U/I falls with the current, so the weight of a sample is its current. The nodes of g are
-as close as an R-phase needs. Penalties on the bends of g draw g to a straight line.
+The equation is linear in the parameters of f and g for a given contraction e (see wire/identified_resistance.py). So
+the fit is a weighted linear least-squares problem inside a search for e (variable projection; Golub and Pereyra, SIAM
+J. Numer. Anal. 10, 1973). The noise of U/I falls with the current, so the weight of a sample is its current. The nodes
+of g are as close as an R-phase needs. Penalties on the bends of g draw g to a straight line.
 
-The contraction has a small effect, so the fit ties it to that of usual actuator wire. The strength of the straight line
-is chosen by generalised cross-validation (Golub, Heath and Wahba, Technometrics 21, 1979): a wire without an R-phase
-gets an almost straight g, which has a smaller standard error.
+The contraction has a small effect, so the fit ties it to that of usual actuator wire. The weight of the penalties on
+the bends is chosen by generalised cross-validation (Golub, Heath and Wahba, Technometrics 21, 1979): a wire without an
+R-phase gets an almost straight g, which has a smaller standard error.
 
 U/I may be older than the readings of the sensors by a delay τ. The first fit gives dR/dt, and the second one has the
 further parameter τ, with the column -dR/dt.
@@ -33,7 +33,7 @@ from smadrive.identification.resistance_fit.design import (
     fitted,
     resistance_design,
 )
-from smadrive.wire.resistance import WireResistance, spline_design
+from smadrive.wire.identified_resistance import WireResistance, spline_design
 from smadrive.wire.wire_model import WireModel
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ LEAST_CHANGE = 10.0
 """The change of the resistance over the stroke must be at least this number of standard errors."""
 
 MOST_NOISE = 0.2
-"""The noise of one sample, as a share of the stroke, with which the resistance is still of use."""
+"""Largest noise of the displacement from one sample, as a share of the stroke."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _refined(samples: ResistanceSamples, rough: LinearFit) -> ResistanceSamples:
 
 
 def _fewer(residual: Array) -> float:
-    """Return the factor of the variances by correlated residuals, which count as fewer samples."""
+    """Return the factor by which correlated residuals raise the variances."""
     correlation = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
     return (1.0 + correlation) / (1.0 - correlation)
 
@@ -143,7 +143,10 @@ def _fewer(residual: Array) -> float:
 def _judged(
     resistance: WireResistance, design: ResistanceDesign, covariance: Array, residual_v: Array
 ) -> ResistanceFit:
-    """Return the fit with its intervals. IdentificationError if the resistance says too little of the displacement."""
+    """Return the fit with its intervals.
+
+    IdentificationError if the resistance determines the displacement too poorly.
+    """
     samples = design.samples
     middle_c = float(np.median(samples.temperature_c))
     ends = resistance.ohm(middle_c, 0.0), resistance.ohm(middle_c, 1.0)

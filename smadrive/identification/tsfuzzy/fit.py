@@ -25,8 +25,8 @@ import numpy as np
 from smadrive.errors import IdentificationError
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 from smadrive.identification.duhem import fit_duhem
-from smadrive.identification.quality.fit import Fit, judge
 from smadrive.identification.quality.leave_one_out import CONFIRMED
+from smadrive.identification.quality.metrics import Fit, judge
 from smadrive.identification.record import Record, prepare
 from smadrive.identification.tsfuzzy.monotone import monotone
 from smadrive.identification.tsfuzzy.prior import Prior
@@ -88,7 +88,7 @@ def fit_rules(
 
 
 class _Solution:
-    """A minimum x of a problem, and its model before and after slopes of the wrong sign are removed (trimmed)."""
+    """A minimum x of a problem, its fitted model, and its trimmed models, which have no slopes of the wrong sign."""
 
     def __init__(self, problem: RuleProblem, x: FloatArray) -> None:
         self.problem, self.x = problem, x
@@ -117,9 +117,9 @@ class _Solution:
 
     @cached_property
     def deepest(self) -> tuple[TSFuzzyDuhem, float]:
-        """The trimmed model and its misfit, at the greatest depth for which trimming raises the misfit little.
+        """The trimmed model and its misfit, at the greatest depth at which the misfit hardly rises.
 
-        Little means at most the factor `_AS_GOOD`. If no depth fulfils this, the depth is 0.
+        It may rise by at most the factor `_AS_GOOD`. If no depth fulfils this, the depth is 0.
         """
         *depths, last = [depth for depth in _DEPTHS if depth <= self.problem.depth]
         bearable = _AS_GOOD * self.misfit

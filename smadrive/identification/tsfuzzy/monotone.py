@@ -1,4 +1,4 @@
-"""Slopes of the right sign, which a unique inverse needs: derivatives for the fit, and the correction of its result.
+"""Slopes of the right sign, which a unique inverse needs: their derivatives, and the correction of a fitted model.
 
 The state w has two rates p, q ≥ 0 (see sensitivity.py): dw/dv = p(v)(1 - w) - q(v) w on heating, and minus this on
 cooling. H is the heating branch of the major loop, C its cooling branch. The slope is affine in w. So it has the right
@@ -7,9 +7,9 @@ sign everywhere between the branches if it has the right sign on the opposite br
     heating:  p(v) - (p(v) + q(v)) C(v) ≥ 0           cooling:  q(v) - (p(v) + q(v)) (1 - H(v)) ≥ 0
 
 The loop is the closed loop over the whole range, even if the record does not cover this range; a full sweep up and down
-ends where it began. A wire with inner loops that stay flat after a reversal cannot fulfil this condition. Then the
-slopes have the right sign only to a `depth` of the loop: 1 means the whole loop, 0 only the branches. H + depth (C - H)
-replaces C, and C - depth (C - H) replaces H.
+ends where it began. A wire whose inner loops stay flat after a reversal cannot fulfil this condition. Then it is
+required only up to a `depth` of the loop: 1 means the whole loop, 0 only the branches. H + depth (C - H) replaces C,
+and C - depth (C - H) replaces H.
 
 The fit penalises slopes of the wrong sign. `monotone` removes the remaining wrong slopes from the result of the fit: it
 makes q of the heating rules and p of the cooling rules smaller.

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 
 from smadrive.hysteresis.duhem import DuhemModel
-from smadrive.identification.quality.fit import Fit
+from smadrive.identification.quality.metrics import Fit
 from smadrive.identification.record import Record
 from smadrive.numerics.arrays import FloatArray
 
@@ -49,7 +49,7 @@ class Prior:
         self.weight = max(record.noise, _TIE_MISFIT * fit.rms_percent / 100, _TIE_FLOOR)
 
     def tied(self, factor: float) -> Self:
-        """Return a copy whose tie between the rules and these rates has `factor` times the weight."""
+        """Return a copy with `weight` multiplied by `factor`."""
         closer = copy(self)
         closer.weight = factor * self.weight
         return closer

@@ -52,7 +52,7 @@ class RuleProblem:
     """The bounded least-squares problem of the rules of a T-S fuzzy Duhem model, for one record.
 
     `start` is the vector of the unknowns with which the search begins. `monotony` scales the penalty for slopes of the
-    wrong sign; with 0 these slopes are allowed. The penalty acts from the branches to the share `depth` of the loop.
+    wrong sign; 0 allows them. The penalty acts from each branch to the share `depth` of the way to the other.
     """
 
     record: Record

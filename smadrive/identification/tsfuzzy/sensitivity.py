@@ -6,9 +6,13 @@ Rules with triangular sets are described by two non-negative rates, p towards w 
 
 v is the input, w the state, and μ_i the membership of the set i with the centre c_i. The model contracts if p + q > 0,
 and it is bounded because the rates are not negative. Let θ be a rate or a centre. The derivative z = ∂w/∂θ obeys the
-same linear ODE as w, with the drive f = ∂(dw/dv)/∂θ. Moving a centre changes a piecewise linear law by ∂p/∂c_i = -p'(v)
-μ_i(v). The closed form of the state is w = P + (w0 - P0) exp(Λ - Λ0), see hysteresis/branch/engine.py. So the
-derivatives at all samples follow from tables of ∂P and ∂Λ, which are computed once per iteration.
+same linear ODE as w, with the drive f = ∂(dw/dv)/∂θ. The centre c_i
+of a set moves the piecewise linear p(v) by
+
+    ∂p/∂c_i = -p'(v) μ_i(v)
+
+The closed form of the state is w = P + (w0 - P0) exp(Λ - Λ0), see hysteresis/branch/engine.py. So the derivatives at
+all samples follow from tables of ∂P and ∂Λ, which are computed once per iteration.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from smadrive.errors import ProtocolError
 from smadrive.modbus.framing import mbap, rtu
 
 REMEMBERED = 1024
-"""Transaction numbers of the latest unanswered requests, up to this number of requests, are not used again."""
+"""The transaction numbers of this many latest unanswered requests are not used again."""
 NEAR = 16
 """A new transaction number differs by more than this from the previous one: a faulty server may send a near number."""
 

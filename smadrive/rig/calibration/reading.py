@@ -71,7 +71,8 @@ def check_reading(rig: Rig, quantity: str) -> None:
 def _valid(rig: Rig, quantity: str) -> tuple[float, float]:
     """Return the time and the value of the sensor's latest reading; DataError when it is invalid.
 
-    The time is rounded to microseconds, so that a reading that is seen twice has the same time twice.
+    The time is that of the measurement minus the age of the reading. It is rounded to microseconds, so two measurements
+    that return the same reading give the same time.
     """
     measurement = rig.measure()
     value, age_s = (getattr(measurement, name) for name in FIELDS[quantity])

@@ -1,4 +1,4 @@
-"""The calibration constants of an `sma-reference` board, from what multimeters showed while the board held a current.
+"""The calibration constants of an `sma-reference` board, from readings of multimeters while the board holds a current.
 
     source_gain      <- source_gain  · set / true        the source gave `true` while it was set to `set`
     current_gain     <- current_gain · true / shown      the board showed `shown`; without the offset
@@ -13,18 +13,13 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from smadrive.devices.device import Device
-from smadrive.devices.profile.profile import load_profile
-from smadrive.devices.state.lock import Role, lock_line
 from smadrive.errors import ConfigError
 from smadrive.modbus.client import ModbusClient
-from smadrive.modbus.transports.connect import open_transport, port_of
-from smadrive.rig.ports.discovery import port_url
+from smadrive.rig.ports.board_port import open_board
 
-PROFILE = "sma-reference:map_version=2"
 GAINS = (0.75, 1.25)
 LEAST_A, LEAST_V = 0.02, 0.5
 """Below these readings the offsets and the steps of the meters matter too much for a gain."""
-BOOT_MS = 5000.0
 _READ = ("current_gain", "current_offset", "voltage_gain", "voltage_offset", "source_gain", "source_offset")
 
 
@@ -66,10 +61,8 @@ def calibrate_board_at(port: str, held: HeldCurrent) -> dict[str, float]:
 
     ConfigError for gains that cannot be right; BusyError when the port is in use. ExceptionReply while it is armed.
     """
-    url, profile = port_url(port), load_profile(PROFILE)
-    patient = profile.model_copy(update={"timing": profile.timing.model_copy(update={"boot_ms": BOOT_MS})})
-    with lock_line(port_of(url), Role.DRIVER), open_transport(url, profile.serial_settings()) as transport:
-        device = Device(patient, ModbusClient(transport))
+    with open_board(port) as (transport, profile):
+        device = Device(profile, ModbusClient(transport))
         device.check_identity()
         constants = {name: reading.value for name, reading in device.read(_READ, proved=True).items()}
         gains = new_gains(constants, held)

@@ -6,13 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from smadrive.devices.board_check.check import check_board
 from smadrive.devices.board_check.result import CheckKind, CheckResult, failed
-from smadrive.devices.profile.profile import load_profile
-from smadrive.devices.state.lock import Role, lock_line
 from smadrive.errors import ConfigError, DeviceError, SafetyError, SmadriveError
-from smadrive.modbus.transports.connect import open_transport, port_of
+from smadrive.rig.ports.board_port import open_board
 from smadrive.rig.ports.discovery import port_url
-
-PROFILE = "sma-reference:map_version=2"
 
 
 def check_board_at(port: str) -> Iterator[CheckResult]:
@@ -20,10 +16,9 @@ def check_board_at(port: str) -> Iterator[CheckResult]:
 
     ConfigError for Modbus TCP, because the checks send RTU frames.
     """
-    url, profile = port_url(port), load_profile(PROFILE)
-    if url.startswith("tcp:"):
+    if port_url(port).startswith("tcp:"):
         raise ConfigError("the check needs a line with RTU frames", where=port, cure="use a serial port or rtu+tcp://")
-    with lock_line(port_of(url), Role.DRIVER), open_transport(url, profile.serial_settings()) as transport:
+    with open_board(port) as (transport, profile):
         yield from check_board(transport, profile)
 
 

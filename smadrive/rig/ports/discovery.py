@@ -39,7 +39,7 @@ class DiscoveredDevice:
 
 
 def port_url(port: str) -> str:
-    """Return the URL of a port. `port` is a URL, a path, or the name of a port in /dev; another text stays as it is."""
+    """Return the URL of a port. `port` is a URL, a path, or the name of a port in /dev."""
     path = Path("/dev") / port
     return port if "://" in port or not ("/" in port or path.exists()) else f"serial://{path}"
 

@@ -6,28 +6,27 @@ Two programs on one line would take each other's replies for their own.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 
+from smadrive.devices.state.key import DeviceKey
+from smadrive.devices.state.lock import lines_of
 from smadrive.devices.stopping.endpoint import alternative_names, names_of_line
 from smadrive.devices.stopping.request import ANSWERS_WITHIN_S, StoppedDriver, ask_to_stop
 from smadrive.errors import SafetyError
-from smadrive.rig.connections import key_of, line_names
-from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.switching_off.each import each
 
 MOST_LATE = 4
 """`off` gives up after this number of rounds with new drivers: the user must end the program that starts them."""
 
 
-def stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
-    """Stop the drivers that use the lines of these devices. Return the stopped drivers, and the first error or None.
+def stop_drivers(keys: Iterable[DeviceKey]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
+    """Stop the drivers that use the lines of the devices with these keys.
 
-    All drivers share one deadline, `ANSWERS_WITHIN_S` after the call. A driver that listens at several names of a line
-    is returned once.
+    Return the stopped drivers, and the first error or None. All drivers share one deadline, `ANSWERS_WITHIN_S` after
+    the call. A driver that listens at several names of a line is returned once.
     """
-    listed, unknown = each(devices, _names_and_lines)
-    lines = {name: line for lines_of_device in listed for name, line in lines_of_device}
+    lines = {name: line for key in keys for name, line in _names_and_lines(key)}
     deadline_s = time.monotonic() + ANSWERS_WITHIN_S
     with ExitStack() as stack:
         requests, unreachable = each(lines.items(), lambda one: ask_to_stop(one[1], one[0], deadline_s, stack))
@@ -35,11 +34,11 @@ def stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver,
     stopped: dict[int, StoppedDriver] = {}
     for driver in ended:
         stopped.setdefault(driver.pid, driver)
-    return tuple(stopped.values()), unknown or unreachable or failure
+    return tuple(stopped.values()), unreachable or failure
 
 
 def stop_late_drivers(
-    devices: Iterable[PlannedDevice], confirm_again: Callable[[], object]
+    keys: Sequence[DeviceKey], confirm_again: Callable[[], object]
 ) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
     """Stop the drivers that started between `stop_drivers` and the lock of the line, until no driver is left.
 
@@ -49,7 +48,7 @@ def stop_late_drivers(
     """
     stopped: tuple[StoppedDriver, ...] = ()
     for _ in range(MOST_LATE):
-        late, refused = stop_drivers(devices)
+        late, refused = stop_drivers(keys)
         if not late:
             return stopped, refused
         stopped += late
@@ -62,10 +61,7 @@ def stop_late_drivers(
     )
 
 
-def _names_and_lines(device: PlannedDevice) -> list[tuple[str, str]]:
-    """Return pairs: a name at which a driver of the device may listen, and the line. A simulated device has none."""
-    if device.is_simulated:
-        return []
-    key = key_of(device)
-    names = ((name, line) for line in line_names(device) for name in names_of_line(line, key))
+def _names_and_lines(key: DeviceKey) -> list[tuple[str, str]]:
+    """Return pairs: a name at which a driver of the device may listen, and the line."""
+    names = ((name, line) for line in lines_of(key) for name in names_of_line(line, key))
     return [(listening, line) for name, line in names for listening in alternative_names(name)]

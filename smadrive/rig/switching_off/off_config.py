@@ -5,61 +5,71 @@ from __future__ import annotations
 from math import inf
 from typing import Any, NamedTuple
 
-from pydantic import Field
-
+from smadrive.devices.state.key import DeviceKey
 from smadrive.errors import ConfigError
-from smadrive.files.config import Section, invalid_toml, read_config_text, validate
+from smadrive.files.config import invalid_toml, read_config_text, validate
 from smadrive.files.toml.repair import repaired_toml
 from smadrive.rig.config import DeviceConfig, LimitsConfig, in_folder, rig_file
+from smadrive.rig.switching_off.addresses import keys_in
 
 ADDRESS_KEYS = ("name", "profile", "url", "unit_id", "full_scale_a", "full_scale_v")
 """The keys of a device that `off` reads."""
+
+CURE = "write [[devices]] above each device"
 
 
 class OffConfig(NamedTuple):
     """The subset of a rig file that `off` needs. `current_max_a` is infinite when the limits cannot be read.
 
+    `devices` are the devices that can be read, and `keys` are those of all addresses in the text of the file.
     `mistakes` are errors of the file outside its devices. `device_mistake` is the first error in its devices, so an
     address may be wrong, or a device may be missing; it is None for a file without such an error.
     """
 
     name: str
     devices: tuple[DeviceConfig, ...]
+    keys: tuple[DeviceKey, ...]
     current_max_a: float
     mistakes: tuple[ConfigError, ...]
     device_mistake: ConfigError | None
 
 
-class _OffSection(Section):
-    """The keys of a rig file that switching off needs."""
-
-    devices: tuple[DeviceConfig, ...] = Field(min_length=1)
-
-
 def load_off_config(name: str) -> OffConfig:
-    """Load devices and current limit of the rig file `name`, even if other parts are wrong or not valid TOML.
+    """Load devices and current limit of the rig file `name`, as far as they can be read.
 
-    ConfigError if the devices cannot be read.
+    ConfigError if the file cannot be read at all.
     """
     path = rig_file(name)
     text = read_config_text(path)
     try:
         tables, repairs = repaired_toml(text)
     except (ValueError, RecursionError) as error:
-        raise invalid_toml(error, path) from None
+        return OffConfig(path.stem, (), keys_in(text), inf, (), invalid_toml(error, path))
     errors = [(repair.table, invalid_toml(repair.error, path)) for repair in repairs]
     in_devices = [error for table, error in errors if table == "devices"]
-    try:
-        devices = validate(_address_tables(tables), _OffSection, where=str(path)).devices
-    except ConfigError as error:
-        raise (in_devices[0] if in_devices else error) from None
+    devices, unreadable = _devices(tables.get("devices"), str(path))
     return OffConfig(
         str(tables.get("name", path.stem)),
         in_folder(devices, path.parent),
+        keys_in(text),
         _current_max_a(tables),
         tuple(error for table, error in errors if table != "devices"),
-        next(iter(in_devices), None),
+        next(iter([*in_devices, *unreadable]), None),
     )
+
+
+def _devices(given: Any, where: str) -> tuple[list[DeviceConfig], list[ConfigError]]:
+    """Return the devices that are valid, and an error for each other one. A single table counts as a list of one."""
+    tables = given if isinstance(given, list) else [given]
+    devices, errors = list[DeviceConfig](), list[ConfigError]()
+    if not isinstance(given, list):
+        errors.append(ConfigError("the devices are not a list of tables", where=where, cure=CURE))
+    for number, table in enumerate(tables):
+        try:
+            devices.append(validate(_address_keys(table), DeviceConfig, where=f"{where}: devices.{number}"))
+        except ConfigError as error:
+            errors.append(error)
+    return devices, errors
 
 
 def _current_max_a(tables: dict[str, Any]) -> float:
@@ -69,13 +79,6 @@ def _current_max_a(tables: dict[str, Any]) -> float:
         return inf
 
 
-def _address_tables(tables: dict[str, Any]) -> dict[str, Any]:
-    """Return the devices with only their address keys. A value of a wrong type stays, and the validation reports it."""
-    devices = tables.get("devices")
-    if isinstance(devices, list):
-        devices = [_address_keys(device) if isinstance(device, dict) else device for device in devices]
-    return {} if devices is None else {"devices": devices}
-
-
-def _address_keys(device: dict[str, Any]) -> dict[str, Any]:
-    return {key: device[key] for key in ADDRESS_KEYS if key in device}
+def _address_keys(device: Any) -> Any:
+    """Return a device with only its address keys. A value of a wrong type stays, and the validation reports it."""
+    return {key: device[key] for key in ADDRESS_KEYS if key in device} if isinstance(device, dict) else device

@@ -1,11 +1,11 @@
 """Switching off: every device of a rig enters its safe state; the heat source is the first.
 
 A driver that uses the line of a device is asked to stop first, because two programs on one line would take each other's
-replies for their own.
+replies for their own. It is asked at every address in the text of the rig file, also if a device there cannot be read.
 
 Switching off must work whatever else is broken. It needs no wire, no limits, no sensor and no guardian. So only the
-addresses of the devices are read from the rig file. If one device cannot be reached, every other device still enters
-its safe state.
+addresses of the devices are read from the rig file. If one device cannot be read or reached, every other device still
+enters its safe state.
 """
 
 from __future__ import annotations
@@ -90,13 +90,16 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
             config = load_off_config(name)
             connections = Connections(stack, trace_folder=None, role=Role.OFF)
             devices, unreadable = each(config.devices, _planned)
-            early, refused = stop_drivers(devices)
+            unreadable = config.device_mistake or unreadable
+            known, unknown = each(devices, port_key)
+            keys = (*filter(None, known), *(config.keys if unreadable or unknown else ()))
+            early, refused = stop_drivers(keys)
             stopped += early
             off, failure = each(
                 [device for device in devices if device.heats],
                 lambda device: _switch_source_off(device, connections, config.current_max_a),
             )
-            late, late_refused = stop_late_drivers(devices, lambda: [one.confirm_again() for one in off])
+            late, late_refused = stop_late_drivers(keys, lambda: [one.confirm_again() for one in off])
             stopped += late
             refused = refused or late_refused
             others, other_failure = each(
@@ -112,7 +115,7 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
     latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
     names = (*(one.name for one in off), *others)
     simulated = tuple(device.name for device in devices if device.is_simulated and device.name in names)
-    failure = config.device_mistake or unreadable or other_failure
+    failure = unreadable or other_failure
     return SwitchedOff(config.name, tuple(stopped), refused, names, simulated, latched, warnings, displaced, failure)
 
 

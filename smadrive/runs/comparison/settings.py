@@ -159,5 +159,5 @@ def counted(rows: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
 
 
 def _count_text(count: int) -> str:
-    """Return as text how many (`count`) values differ from the first run."""
+    """Return `count`, the number of values that differ from the first run, as text."""
     return f"{count} differ from the first run" if count else "same as the first run"

@@ -11,7 +11,7 @@ from smadrive.runs.columns import COLUMNS
 from smadrive.runs.comparison.comparison import RunComparison
 from smadrive.runs.figures.log_plots import NOT_SCORED, PLANE_POINTS
 from smadrive.runs.log.reader import Log
-from smadrive.runs.plots import LIMIT, SETPOINT, legend, line, panels
+from smadrive.runs.plot_style import LIMIT, SETPOINT, legend, line, panels
 from smadrive.runs.report import Plot
 from smadrive.runs.run_metadata import rig_config_of
 from smadrive.runs.run_metrics import error_percent, has_setpoint, scored_from_s

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from smadrive.runs.cycling.cycles import CycleMetrics
-from smadrive.runs.plots import ESTIMATED, LIMIT, MEASURED, SETPOINT, legend, line, panels
+from smadrive.runs.plot_style import ESTIMATED, LIMIT, MEASURED, SETPOINT, legend, line, panels
 from smadrive.runs.report import Plot
 
 CURVES = (

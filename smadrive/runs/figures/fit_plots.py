@@ -9,7 +9,7 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.resistance_fit.fit import ResistanceFit
 from smadrive.identification.wire import AnyFit
 from smadrive.runs.figures.log_plots import draw_branches
-from smadrive.runs.plots import COOLING, ESTIMATED, HEATING, RECORD, STYLE, PlotFigure, legend, line, panels
+from smadrive.runs.plot_style import COOLING, ESTIMATED, HEATING, RECORD, STYLE, PlotFigure, legend, line, panels
 
 DOTS = 700
 """A plot of the loop shows about this number of recorded samples."""

@@ -7,7 +7,18 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from smadrive.runs.plots import COOLING, ESTIMATED, FAINT, HEATING, LIMIT, MEASURED, SETPOINT, Array, legend, panels
+from smadrive.runs.plot_style import (
+    COOLING,
+    ESTIMATED,
+    FAINT,
+    HEATING,
+    LIMIT,
+    MEASURED,
+    SETPOINT,
+    Array,
+    legend,
+    panels,
+)
 from smadrive.runs.report import Plot
 from smadrive.wire.health.entry import Estimate, HealthEntry
 

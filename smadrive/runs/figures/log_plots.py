@@ -13,7 +13,7 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.figures.session_plots import session_plot
 from smadrive.runs.log.reader import Log
-from smadrive.runs.plots import (
+from smadrive.runs.plot_style import (
     COOLING,
     ESTIMATED,
     FAINT,

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.log.reader import Log
-from smadrive.runs.plots import ESTIMATED, FAINT, HEATING, LIMIT, MEASURED, SETPOINT, legend, line, panels
+from smadrive.runs.plot_style import ESTIMATED, FAINT, HEATING, LIMIT, MEASURED, SETPOINT, legend, line, panels
 from smadrive.runs.report import Grid, Plot
 from smadrive.runs.session_record import spans_of, tunings_of
 

@@ -69,7 +69,7 @@ def assess(wire_file: Path, feedback: FeedbackConfig) -> Assessment:
 
 
 def assessment_of(log: Log) -> Assessment | None:
-    """Return the assessment of the wire of a run, as it is now; None if the file of the wire is not here.
+    """Return the assessment of the wire of a run, as it is now; None without the file of the wire.
 
     A wire file that cannot be used any more is a caveat.
     """

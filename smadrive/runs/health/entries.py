@@ -102,8 +102,8 @@ def run_entry(log: Log, wire_file: Path) -> HealthEntry:
 def loop_shape(model: IdentifiedModel, identified: IdentifiedModel | None = None) -> LoopShape:
     """Return the temperatures at which the branches of `model` pass the middle of the stroke, and its stroke.
 
-    With `identified`, the middle is that of the stroke of this model: few runs visit the tails of the branches, and an
-    adapted model may have any stroke that fits the part that was visited.
+    With `identified`, the middle is that of the stroke of this model. This is right for an adapted model: few runs
+    visit the ends of the branches, so its own stroke is uncertain.
     """
     v = np.linspace(*model.input_range, POINTS)
     middle_mm = 0.5 * sum(travel_mm(identified or model))

@@ -1,6 +1,6 @@
 """The texts of events: a text that is longer than one event of the file continues in the next events.
 
-An event has a fixed length (layout.py), but a message with a remedy must not be cut. Each part after the first one
+An event has a fixed length (layout.py), but a message with its cure must not be cut. Each part after the first one
 begins with `CONTINUED`. No message of smadrive begins with this character.
 """
 

@@ -29,9 +29,10 @@ Array = NDArray[np.float64]
 ValueT = TypeVar("ValueT")
 
 ENDED_BY = "ended by "
+"""The first words of the event that gives the cause of the early end of a run."""
+
 INTERRUPTION, STOP = "interruption", "emergency stop"
-"""The beginnings of the causes of an end that the user wanted: a signal, or an emergency stop."""
-"""The first words of the event that gives the reason for the early end of a run."""
+"""The first words of a cause that the user wanted: a signal, or an emergency stop."""
 
 RESTORE = "restore the log from a copy, or record it again"
 COPY_AGAIN = "copy the whole file again, or record it again; was the disk full, or the copy interrupted?"

@@ -132,18 +132,18 @@ def _counts(loop: LoopMetrics) -> DrivenRun:
 
 
 def _driven(request: DriveRequest, rig: Rig, link: ScriptLink) -> DrivenRun:
-    """Run the user's controller. If its `update` was slow, a trip gets a note, and a complete run gets a doubt."""
+    """Run the user's controller. If its `update` was slow, a trip gets a note, and a complete run gets a caveat."""
     config = rig.config
     pace = Pace(rig.period_s, stale_after_s(config), _is_virtual(rig))
     own = OwnController(request.controller, request.duration_s, config.limits.current_max_a, link.at_once, pace)
     try:
         loop = drive(request.log_file, rig, own, own.name, request.wire, link.watch)
     except TripError as trip:
-        for doubt in own.doubts:
-            trip.add_note(doubt)
+        for caveat in own.caveats:
+            trip.add_note(caveat)
         raise
     counts = _counts(loop)
-    return counts._replace(controller=own.controller if _is_transferable(own.controller) else None, doubts=own.doubts)
+    return counts._replace(controller=own.controller if _is_transferable(own.controller) else None, caveats=own.caveats)
 
 
 def _is_transferable(controller: Any) -> bool:

@@ -14,16 +14,16 @@ from itertools import islice
 from math import inf
 from typing import Protocol
 
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.swappable import SwappableController
-from smadrive.control.controllers.temperature import Command
 from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.feedforward.displacement import HysteresisInverse
-from smadrive.control.loop import Tick
+from smadrive.control.loop import Tick, TickHandler
 from smadrive.control.references.holding import holding_reference, moving_reference
 from smadrive.control.references.reference import Reference
 from smadrive.measurement import Measurement
 from smadrive.rig.controllers import tracking_controller
-from smadrive.rig.rig import Record, Rig
+from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 from smadrive.runs.tracking_plan import APPROACH_S
@@ -91,9 +91,9 @@ class LoopServo:
         """Return a Watch that calls `watch`, and passes each tick to the servo."""
 
         @contextmanager
-        def both(recorder: TickRecorder, duration_s: float) -> Iterator[Record]:
+        def both(recorder: TickRecorder, duration_s: float) -> Iterator[TickHandler]:
             self._event = recorder.event
-            inner: AbstractContextManager[Record] = watch(recorder, duration_s)
+            inner: AbstractContextManager[TickHandler] = watch(recorder, duration_s)
             with inner as record:
 
                 def take(tick: Tick) -> None:

@@ -133,12 +133,12 @@ class OpenedRig(NamedTuple):
 
 
 class DrivenRun(NamedTuple):
-    """The result of a run: the counts of its loop, the user's controller as it was after the run, doubts about it."""
+    """The result of a run: the counts of its loop, the user's controller as it was after the run, caveats about it."""
 
     ticks: int
     missed_deadlines: int
     controller: Any = None
-    doubts: tuple[str, ...] = ()
+    caveats: tuple[str, ...] = ()
 
 
 class RunProgress(NamedTuple):

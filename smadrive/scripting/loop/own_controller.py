@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, nullcontext
 from math import inf, isfinite
 from typing import Any, NamedTuple
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.errors import ConfigError, ControllerError
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
@@ -99,7 +99,7 @@ class OwnController:
         return numbers
 
     @property
-    def doubts(self) -> tuple[str, ...]:
+    def caveats(self) -> tuple[str, ...]:
         """One sentence about the effect of a slow `update`, in real time or on a real rig; empty for a fast one."""
         pace = self._pace
         if self.slowest_s <= (pace.longest_s if pace.is_virtual else pace.period_s):

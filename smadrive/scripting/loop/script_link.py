@@ -23,9 +23,8 @@ from multiprocessing.connection import Connection
 from types import FrameType
 from typing import Any
 
-from smadrive.control.loop import Tick, never
+from smadrive.control.loop import Tick, TickHandler, never
 from smadrive.errors import ControllerError, SmadriveError, StoppedError
-from smadrive.rig.rig import Record
 from smadrive.runs.run_log import TickRecorder
 from smadrive.safety.shutdown import carry, keep_outcome, shutdown_of
 from smadrive.scripting.loop.code_origin import dumps
@@ -101,7 +100,7 @@ class ScriptLink:
             raise self._pending
 
     @contextmanager
-    def watch(self, recorder: TickRecorder, duration_s: float) -> Iterator[Record]:
+    def watch(self, recorder: TickRecorder, duration_s: float) -> Iterator[TickHandler]:
         """Yield the function that records each tick, calls `check`, and sends the progress every `PROGRESS_S`."""
         sent_s = -inf
 

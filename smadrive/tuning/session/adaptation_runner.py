@@ -20,7 +20,7 @@ from __future__ import annotations
 from math import isfinite, nan
 
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
-from smadrive.control.estimation.sensing import Sensing
+from smadrive.control.estimation.source_selection import SourceState
 from smadrive.control.loop import Tick
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
@@ -86,10 +86,10 @@ class AdaptationRunner:
         wire = WireModel(tuning.model, self._balance)
         return WireObserver(wire, self._period_s, self._noise_c, abs(tuning.model.scale))
 
-    def update(self, tick: Tick, tuning: Tuning, sensing: Sensing | None = None, *, is_heating: bool) -> str | None:
+    def update(self, tick: Tick, tuning: Tuning, source: SourceState | None = None, *, is_heating: bool) -> str | None:
         """Adapt the rules to a tick while the heater is on. Return the event to report if the adaptation has ended.
 
-        Otherwise return None. `sensing` is the state of the source with which the controller judges its sensor.
+        Otherwise return None. `source` is the state of the controller's displacement source.
         """
         wire_c = self._wire_c(tick.measurement)
         if self._adaptation is None or not is_heating:
@@ -99,10 +99,10 @@ class AdaptationRunner:
             return f"adaptation ended: {NEEDS_SENSOR}"
         if tuning.change != ADAPTED and tuning is not self._started_from:
             self.switch(True, tuning)
-        if sensing is not None and sensing.failed:
+        if source is not None and source.failed:
             self._adaptation.end(SENSOR_FAILED)
-        is_doubted = sensing is not None and sensing.is_doubted
-        self._adaptation.update(wire_c, nan if is_doubted else tick.measurement.displacement_mm)
+        is_replaced = source is not None and source.is_replaced
+        self._adaptation.update(wire_c, nan if is_replaced else tick.measurement.displacement_mm)
         if self._adaptation.sensor_fault is None:
             return None
         self._ended, self._adaptation = self._adaptation, None

@@ -117,7 +117,7 @@ class RequestHandler:
         A sensor in force has measured the leads. With the heater off, arming checks the temperature again.
         """
         live, measured = self._state.live, self._state.status.measurement
-        by_sensor = live is None or live.sensing is None or live.sensing.source is DisplacementFrom.SENSOR
+        by_sensor = live is None or live.source is None or live.source.source is DisplacementFrom.SENSOR
         return self._wire.balance.ambient_c if by_sensor or measured is None else measured.temperature_c
 
     def _arm(self, request: Arm) -> None:

@@ -8,13 +8,13 @@ exchange. The builder process builds and checks models. The loop never waits for
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from math import isfinite, nan
 
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.swappable import SwappableController
-from smadrive.control.controllers.temperature import Command
-from smadrive.control.loop import Tick
+from smadrive.control.loop import Tick, TickHandler
 from smadrive.control.references.holding import holding_reference
 from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError, SmadriveError
@@ -61,7 +61,7 @@ class TuningSession:
         references: Mapping[str, Reference],
         channel: ControlEnd,
         builder: ModelBuilder,
-        record: Callable[[Tick], None],
+        record: TickHandler,
         recorder: TickRecorder | None = None,
         expected: ExpectedRest | None = None,
     ) -> None:
@@ -204,8 +204,8 @@ class TuningSession:
 
     def _adapt(self, tick: Tick) -> None:
         live = self._state.live
-        is_heating, sensing = live is not None, None if live is None else live.sensing
-        ended = self._adaptation.update(tick, self.tunings.in_force, sensing, is_heating=is_heating)
+        is_heating, source = live is not None, None if live is None else live.source
+        ended = self._adaptation.update(tick, self.tunings.in_force, source, is_heating=is_heating)
         if ended is not None:
             self._state.report(ended)
         adaptation = self._adaptation.due(self._state.now_s, is_heating=is_heating)

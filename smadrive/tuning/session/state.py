@@ -62,11 +62,11 @@ class SessionState:
 
     def note_source(self) -> None:
         """Report when the resistance replaces a displacement sensor that has failed, or gives way to it again."""
-        sensing = None if self.live is None else self.live.sensing
-        was_replaced, self.is_sensor_replaced = self.is_sensor_replaced, sensing is not None and sensing.is_doubted
+        source = None if self.live is None else self.live.source
+        was_replaced, self.is_sensor_replaced = self.is_sensor_replaced, source is not None and source.is_replaced
         if self.is_sensor_replaced and not was_replaced:
             self.report(BY_RESISTANCE)
-        if was_replaced and sensing is not None and sensing.source is DisplacementFrom.SENSOR:
+        if was_replaced and source is not None and source.source is DisplacementFrom.SENSOR:
             self.report(BY_SENSOR)
 
     def answer(self, request: PageRequest | None, refused: str | None) -> None:

@@ -84,7 +84,7 @@ class Status:
         self, mode: Mode, tunings: Tunings, live: SwappableController | None, *, adapts: bool
     ) -> dict[str, Any]:
         """Return the status as values that JSON can hold. `live` is the controller that runs, or None."""
-        memory, sensing = (None, None) if live is None else (live.memory, live.sensing)
+        memory, source = (None, None) if live is None else (live.memory, live.source)
         return {
             **common_status(self._config, self._identities, self.measurement),
             **self._fixed,
@@ -100,7 +100,7 @@ class Status:
             "redo": tunings.history.redo_name,
             "comparison": _comparison(tunings.comparison),
             "adapts": adapts,
-            "displacement_in_force": None if sensing is None else sensing.in_force.value,
+            "displacement_in_force": None if source is None else source.in_force.value,
             "cooling": None if live is None else _rounded(live.command.cooling, 2),
             "shift_c": None if live is None else _rounded(live.command.shift_c, 1),
             "turning_points": None if memory is None else _turning_points(memory),

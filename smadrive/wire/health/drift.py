@@ -1,4 +1,4 @@
-"""How far a wire has drifted since its identification, and when to identify it again.
+"""The drift of a wire since its identification, and the time to identify it again.
 
 A quantity q (resistance at rest, stroke, place of a branch) has the drift d = q_run - q_identified, with the standard
 error s of both. It counts if |d| > `SIGNIFICANT` s in each of the last `LAST_RUNS` runs that measured it, always in the
@@ -33,7 +33,7 @@ QUANTITIES = ("rest_ohm", *LOOP)
 
 
 class HealthVerdict(StrEnum):
-    """What the record says about the wire."""
+    """The verdict of the record about the wire."""
 
     UNKNOWN = "not known yet"
     UNCHANGED = "as identified"

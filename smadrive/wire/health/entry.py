@@ -55,7 +55,7 @@ class HealthEntry(BaseModel):
     stroke_mm        stroke of the wire
     heating_c        place of the heating branch
     cooling_c        place of the cooling branch
-    model_percent    RMS error of the model of the wire file, in % of the stroke; of an identification that of its fit
+    model_percent    RMS error of the model of the wire file in this run, or of its fit, in % of the stroke
     rms_percent      RMS of the tracking error, in % of the stroke
     max_percent      largest tracking error, in % of the stroke
     adapted          loop of the adapted model at the end of the run; None without online adaptation

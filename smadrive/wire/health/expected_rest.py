@@ -1,10 +1,10 @@
-"""The resistance at rest that the next run is expected to find, and how far it may be away.
+"""The expected resistance at rest of the next run, and its tolerance.
 
-The last runs of a wire show how far its resistance strays from the model without a fault: by the model's error over the
-loop (`rest_spread` of an entry), and from run to run. The tolerance is a multiple of the second largest of these
-deviations: one run with a fault that was too small to be found does not hide the next fault. Before enough runs are
-recorded, the tolerance is the largest deviation that a sound wire can have: nickel-titanium changes its resistance by
-10 to 20 % over the transformation, and by about 0.1 % per kelvin within a phase.
+The last runs of a wire show how much its resistance deviates from the model without a fault: within a run
+(`rest_spread` of an entry), and from run to run. The tolerance is a multiple of the second largest of these deviations.
+So one run with an undetected fault does not hide the next fault. Before enough runs are recorded, the tolerance is the
+largest deviation that a sound wire can have: nickel-titanium changes its resistance by 10 to 20 % over the
+transformation, and by about 0.1 % per kelvin within a phase.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ GATE = 2.0
 """The tolerance, as a multiple of the second largest deviation of these runs."""
 
 LEAST_TOLERANCE, MOST_TOLERANCE = 0.03, 0.25
-"""A sound crimp changes the resistance of a wire by some percent when it is moved; a larger change is a fault.
+"""Smallest and largest tolerance, as shares of the resistance.
+
+A sound crimp that is moved changes the resistance by some percent.
 
 The largest tolerance is the largest deviation of a sound wire, as the head of this file explains.
 """
@@ -36,10 +38,11 @@ class ExpectedRest(NamedTuple):
 
 
 def expected_rest(entries: Sequence[HealthEntry], model: str, identified_ohm: float) -> ExpectedRest:
-    """Return what the next run is expected to find.
+    """Return the expected resistance at rest of the next run, and its tolerance.
 
     `entries` are those of the wire's record, `model` is the key of its model, `identified_ohm` its cold resistance in
-    the wire file. Only runs since the last identification count, and only if it was the one of this model.
+    the wire file. Only runs since the last identification count. No run counts if that identification gave another
+    model.
     """
     starts = [number for number, entry in enumerate(entries) if entry.is_identification]
     if not starts or entries[starts[-1]].model != model:

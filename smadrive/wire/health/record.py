@@ -157,7 +157,7 @@ def _lock(descriptor: int) -> None:
 
 
 def _append(descriptor: int, lines: bytes) -> None:
-    """Write the lines at the end of the file, after an incomplete last line on a line of their own."""
+    """Write the lines at the end of the file. After an incomplete last line, begin a new line first."""
     size = os.fstat(descriptor).st_size
     is_cut = size > 0 and os.pread(descriptor, 1, size - 1) != b"\n"
     text = b"\n" + lines if is_cut else lines

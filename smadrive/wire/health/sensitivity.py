@@ -5,9 +5,9 @@ The reference is taken as uniform over the stroke, and a branch as a Gaussian wi
 - A shift d of a branch moves the displacement by d times the slope of the branch. With the slope p of a Gaussian, the
   mean of the squared error over the stroke is d² ∫ p³ dv, so the RMS is  d / (σ √(2π√3)).
 - A change s of the stroke changes a displacement y by s y, so the RMS is  s / √3.
-- A change r of the resistance changes the heat by the share r. A temperature loop with the closed-loop time τ_c holds
-  the error of a wire with the time constant τ to  r (T - T_amb) τ_c/τ, in the middle T of the loop. This error acts
-  like a shift of both branches.
+- A change r of the resistance changes the heat by the share r. A temperature loop with the closed-loop time τ_c, on a
+  wire with the time constant τ, limits the temperature error to  r (T - T_amb) τ_c/τ, with T in the middle of the loop.
+  This error acts like a shift of both branches.
 
 `allowed_percent` is the error that no identification removes: the error of the fit, and the error that the noise of the
 thermocouple causes as a shift. A drift that costs more than this makes another identification worthwhile.

@@ -21,8 +21,8 @@ from smadrive.runs.replay import replay
 from smadrive.runs.run_log import BY_RESISTANCE
 from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.resistance import WireResistance
 
 MODEL = DuhemModel.gaussian(
     mu_heating=89.9, mu_cooling=69.0, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)

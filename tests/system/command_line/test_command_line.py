@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import programs
 import pytest
+from marks import exhaustive
 
 from smadrive.cli.views.fit_view import certificate_rows
 from smadrive.control.references.shapes import SHAPES
@@ -137,7 +138,7 @@ def test_every_figure_of_a_certificate_has_a_meaning_and_a_verdict():
     assert "a branch reverses by 30 %" in bad["certified"][1]
 
 
-@pytest.mark.parametrize("stress", ["100MPa", "172MPa"])
+@pytest.mark.parametrize("stress", [exhaustive("100MPa"), "172MPa"])
 def test_measured_flexinol_is_identified(tmp_path, stress):
     source = SHARED / "flexinol_isobaric" / f"{stress}.csv"
     if not source.exists():
@@ -182,6 +183,7 @@ def test_run_warns_of_a_reference_within_the_noise(track):
     assert "is it in mm?" in ran["caveats"][0]
 
 
+@pytest.mark.exhaustive
 def test_smoothed_run_reports_its_distance_from_the_given_reference_and_logs_it(track, tmp_path, identified):
     (tmp_path / "wire.json").write_bytes(identified.wire_file.read_bytes())
     ran, log = track("sine:low_mm=2,high_mm=9,period_s=3,cycles=2", "--smooth")

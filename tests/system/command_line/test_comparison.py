@@ -7,8 +7,8 @@ import sys
 import programs
 import pytest
 
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.step import ManualStep
-from smadrive.control.controllers.temperature import Command
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine, triangle
 from smadrive.errors import DataError

@@ -9,7 +9,6 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import pytest
-from marks import exhaustive
 
 from smadrive.cli.demo import _unused_folder
 from smadrive.runs.log.reader import read_log
@@ -105,7 +104,8 @@ def test_board_was_armed_and_is_off_at_the_end(demo):
     assert "heater off" in events[-1]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, exhaustive(signal.SIGHUP)], ids=["Ctrl-C", "closed terminal"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=["Ctrl-C", "closed terminal"])
 def test_interruption_ends_at_zero_current(tmp_path, number):
     with subprocess.Popen(
         [*DEMO, "-o", tmp_path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

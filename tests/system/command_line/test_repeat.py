@@ -85,6 +85,7 @@ def test_every_cycle_is_measured_and_the_run_replays(folder):
     assert replay(log).exact
 
 
+@pytest.mark.exhaustive
 def test_log_has_an_event_for_each_cycle_and_the_report_a_table_and_a_plot(folder, tmp_path):
     log = read_log(folder / "whole.h5")
     written = [event.message for event in log.events if event.message.startswith("cycle ")]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import programs
 import pytest
+from marks import exhaustive
 
 from smadrive.runs.log.reader import read_log
 
@@ -46,7 +47,7 @@ def absent_rig(tmp_path):
     return rig
 
 
-@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("unbuffered", ["", exhaustive("1")])
 @pytest.mark.parametrize("arguments", [("--help",), ("--version",), ("probe", "in-process")])
 def test_full_disk_is_an_error_and_a_closed_pipe_is_not(tmp_path, arguments, unbuffered):
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}

@@ -16,7 +16,7 @@ import pytest
 from rich.console import Console
 
 from smadrive.cli.views.run_view import RunView
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.measurement import Measurement

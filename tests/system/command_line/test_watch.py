@@ -21,7 +21,7 @@ from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.cli.views.watch_view import LEVELS, WINDOW_S, Extremes, WatchView, plot_lines
 from smadrive.clock import VirtualClock
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
 from smadrive.errors import DataError, DeadlineError
 from smadrive.files.shipped import configs_dir

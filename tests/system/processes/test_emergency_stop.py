@@ -8,6 +8,7 @@ import tomllib
 
 import programs
 import pytest
+from marks import exhaustive
 from served import PATIENT, served
 from supply_rig import DRIVER, RIG, patient
 
@@ -125,7 +126,7 @@ class Heated:
         return [sys.executable, "-m", "smadrive", "off", str(self.rig), "--json"]
 
 
-@pytest.fixture(params=["board", "supply"])
+@pytest.fixture(params=["board", exhaustive("supply")])
 def heated(request, tmp_path):
     if request.param == "board":
         with served("--pty", str(tmp_path / "port")) as (process, url):
@@ -145,6 +146,7 @@ def heated(request, tmp_path):
         yield Heated("supply", process, tmp_path / "rig.toml")
 
 
+@pytest.mark.parametrize("heated", ["board", "supply"], indirect=True)
 def test_running_driver_is_stopped(heated):
     with heated.drive() as driver:
         assert driver.stdout.readline() == "heating\n"
@@ -281,3 +283,33 @@ def test_driver_is_stopped_although_its_link_leads_to_another_device(tmp_path):
             assert heated.is_switched_off()
             driver.communicate()
     assert [stopped["pid"] for stopped in done["stopped_drivers"]] == [driver.pid]
+
+
+MISTAKES = {
+    "profile": lambda text, _url: text.replace('"sma-reference"', '"sma-refrence"'),
+    "profile without its file": lambda text, _url: text.replace('"sma-reference"', '"devices/mine.toml"'),
+    "header": lambda text, _url: text.replace("[[devices]]", "[devices]"),
+    "key of the address": lambda text, url: text.replace(f'url = "{url}', f'port = "{url}'),
+    "quotes": lambda text, url: text.replace(f'"{url}{PATIENT}"', url),
+    "scheme": lambda text, url: text.replace(url, url.removeprefix("serial://")),
+    "nothing can be parsed": lambda text, _url: text + "[[[\n" * 100,
+}
+
+
+@pytest.mark.parametrize("heated", ["board"], indirect=True)
+@pytest.mark.parametrize("mistake", ["profile", *map(exhaustive, list(MISTAKES)[1:])])
+def test_mistake_in_the_devices_does_not_keep_a_driver_running(heated, mistake, tmp_path):
+    text = heated.rig.read_text()
+    url = tomllib.loads(text)["devices"][0]["url"].partition("?")[0]
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(MISTAKES[mistake](text, url))
+    assert wrong.read_text() != text
+    with heated.drive() as driver:
+        assert driver.stdout.readline() == "heating\n"
+        assert heated.is_switched_on()
+        off = [sys.executable, "-m", "smadrive", "off", str(wrong)]
+        done = programs.run(off, capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert f"process {driver.pid}" in done.stdout + done.stderr
+        assert heated.is_switched_off()
+        driver.communicate()

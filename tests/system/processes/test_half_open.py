@@ -4,9 +4,10 @@ import select
 
 import pytest
 from gateway import Gateway
+from marks import exhaustive
 from served import SIM, served
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import DeadlineError
@@ -36,7 +37,7 @@ def port_of(url):
     return int(url.split()[0].partition("?")[0].rpartition(":")[2])
 
 
-@pytest.fixture(params=["tcp", "rtu+tcp"])
+@pytest.fixture(params=["tcp", exhaustive("rtu+tcp")])
 def board(request):
     """Yield a gateway with a board behind it, and the URL of the board through the gateway."""
     with served(f"--{request.param.replace('+', '-')}", "0") as (_, url), Gateway(port_of(url)) as gateway:
@@ -84,7 +85,7 @@ class Steady:
         return Command(0.15)
 
 
-@pytest.fixture(params=["tcp", "rtu+tcp"])
+@pytest.fixture(params=["tcp", exhaustive("rtu+tcp")])
 def supply_rig(request, tmp_path):
     """Yield a gateway, the shipped supply rig behind this gateway, and the direct URL of the supply."""
     sim = tmp_path / "sim.toml"

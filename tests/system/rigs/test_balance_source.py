@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 
 import pytest
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.errors import TripError
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig.config import load_rig

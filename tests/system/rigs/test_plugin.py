@@ -5,6 +5,7 @@ import shutil
 from pathlib import Path
 
 import pytest
+from marks import exhaustive
 
 pytest_plugins = ["pytester"]
 
@@ -48,7 +49,7 @@ def test_own_rig_file_is_simulated_whatever_devices_it_names(pytester):
     ("said", "told"),
     [
         ('rigg="in-process"', "*unknown part 'rigg'. Did you mean 'rig'?*"),
-        ('"in-process"', "*'in-process' has no name. Write rig=, sim= or seed= before it*"),
+        exhaustive('"in-process"', "*'in-process' has no name. Write rig=, sim= or seed= before it*"),
     ],
 )
 def test_wrong_marker_gives_no_rig(pytester, said, told):
@@ -58,6 +59,7 @@ def test_wrong_marker_gives_no_rig(pytester, said, told):
     result.stdout.fnmatch_lines([told])
 
 
+@pytest.mark.exhaustive
 def test_a_conftest_that_still_loads_the_plugin_works(pytester):
     pytester.makeconftest(OLD_CONFTEST)
     pytester.makepyfile("def test_rig(sma_rig):\n    assert not sma_rig.measure().armed")

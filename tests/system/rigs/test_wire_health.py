@@ -70,6 +70,7 @@ def found(wire_file):
     return assess(wire_file, CONFIG.feedback)
 
 
+@pytest.mark.exhaustive
 def test_record_shows_an_aged_wire(wire_file):
     def age(plant):
         plant.ageing.age_wire(1.5, 0.01, 0.04)

@@ -10,7 +10,7 @@ from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from smadrive.cli.views.run_view import RunView, drawing
 from smadrive.clock import VirtualClock
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.errors import SafetyError, TripError
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.runs.run_log import record_excitation

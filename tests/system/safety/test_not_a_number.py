@@ -5,7 +5,7 @@ import pytest
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
 from smadrive.errors import SafetyError, TripError

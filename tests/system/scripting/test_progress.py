@@ -8,7 +8,7 @@ import programs
 import pytest
 from jupyter_client.manager import start_new_kernel
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
 from smadrive.measurement import Measurement
 from smadrive.runs.log.reader import read_log

@@ -11,7 +11,7 @@ SHORT = """
 title = "short runs"
 seed = 7
 [run]
-model = "wire.json"
+{model}
 reference = "up"
 {run}
 [[vary]]
@@ -26,12 +26,15 @@ smooth = false
 
 @pytest.fixture
 def short_campaign(tmp_path):
-    """`short_campaign(run="", vary="", more="")` is the plan of a campaign with two random wires or more runs."""
+    """`short_campaign(run="", vary="", more="")` is the plan of a campaign with two random wires or more runs.
+
+    Without `model`, each run excites and identifies its wire.
+    """
     exact_wire().save(tmp_path / "wire.json")
 
-    def plan(run="", vary="", more="", name="campaign.toml"):
+    def plan(run="", vary="", more="", model='model = "wire.json"', name="campaign.toml"):
         path = Path(tmp_path / name)
-        path.write_text(SHORT.format(run=run, vary=vary, more=more), encoding="utf-8")
+        path.write_text(SHORT.format(model=model, run=run, vary=vary, more=more), encoding="utf-8")
         return load_plan(str(path))
 
     return plan

@@ -138,3 +138,19 @@ def test_a_worker_imports_nothing_that_draws():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
+
+
+def test_displacement_cannot_come_from_a_resistance_that_is_not_identified(short_campaign):
+    plan = short_campaign(run='rig.displacement_from = "resistance"')
+    row = execute(plan.run(0)).row
+    assert (row["status"], row["error_type"]) == ("failed", "ConfigError")
+    assert "displacement_from" in row["error"]
+
+
+@pytest.mark.exhaustive
+def test_displacement_by_the_resistance_follows_a_load(short_campaign):
+    more = '[[disturbances.load]]\nname = "step_load"\nat_s = 0.5\nmpa = 60.0\nover_s = 1.0\n'
+    sources = '[[vary]]\nrig.displacement_from = ["none", "resistance"]'
+    plan = short_campaign(run='disturbance = "load"', vary=sources, more=more, model="")
+    without, by_resistance = (execute(plan.run(number)).row["rms_percent"] for number in range(2))
+    assert by_resistance < 0.2 * without

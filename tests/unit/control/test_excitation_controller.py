@@ -5,22 +5,22 @@ import dataclasses
 import numpy as np
 import pytest
 
+from smadrive.control.controllers.excitation import LAGS_C, STALLS_S, ExcitationController
 from smadrive.control.controllers.feedback import PIGains
-from smadrive.control.controllers.temperature import LAGS_C, STALLS_S, TemperatureController
 from smadrive.errors import IdentificationError
-from smadrive.identification.excitation_plans import nested_reversals
+from smadrive.identification.excitation_plans import planned_excitation
 from smadrive.measurement import Measurement
 from smadrive.wire.heat_balance import HeatBalance
 
 NOMINAL = HeatBalance(0.0286, 0.014, 0.83, 22.0, 16.5, -0.1, 0.1)
-EXCITATION = nested_reversals(40.0, 120.0, 6.0, start_c=22.0)
+EXCITATION = planned_excitation("nested", 40.0, 120.0, 6.0, start_c=22.0)
 DT_S = 0.05
 
 
 def excite(wire, current_limit_a=0.6):
     """Return the temperatures along the whole experiment, and its duration."""
     gains = PIGains.for_balance(NOMINAL, 0.5, 2.0)
-    controller = TemperatureController(EXCITATION.temperature_c, EXCITATION.duration_s, NOMINAL, gains, current_limit_a)
+    controller = ExcitationController(EXCITATION.temperature_c, EXCITATION.duration_s, NOMINAL, gains, current_limit_a)
     wire_c, time_s, temperatures = 22.0, 0.0, []
     while time_s <= controller.duration_s:
         commanded_a = controller.update(time_s, Measurement(time_s, wire_c, 0.0, 0.0), DT_S).commanded_a

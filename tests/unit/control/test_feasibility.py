@@ -99,7 +99,7 @@ def test_run_above_the_temperature_limit_is_rejected():
 
 
 @pytest.mark.parametrize(
-    ("spec", "doubts"),
+    ("spec", "caveats"),
     [
         ("sine:low_mm=0.002,high_mm=0.009,period_s=20,cycles=1", 1),  # metres
         ("sine:low_mm=2,high_mm=2.003,period_s=20,cycles=1", 1),
@@ -107,9 +107,9 @@ def test_run_above_the_temperature_limit_is_rejected():
         ("trapezoid:low_mm=5,high_mm=5,rise_s=5,cycles=1", 0),  # to hold is meant
     ],
 )
-def test_reference_within_the_noise_of_the_sensor_gives_a_caveat(spec, doubts):
+def test_reference_within_the_noise_of_the_sensor_gives_a_caveat(spec, caveats):
     _, found = simulated(spec)
-    assert len(found.caveats) == doubts
+    assert len(found.caveats) == caveats
     assert all("is it in mm?" in caveat and "of a stroke of 12 mm" in caveat for caveat in found.caveats)
 
 

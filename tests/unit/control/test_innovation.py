@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smadrive.control.estimation.innovation import HOLD_S, MOST_S, Doubt, InnovationTest
+from smadrive.control.estimation.innovation import HOLD_S, MOST_S, DisturbanceEvidence, InnovationTest
 
 PERIOD_S, NOISE_C, NOISE = 0.05, 0.1, 0.001
 
@@ -17,47 +17,47 @@ def noise(seed, count):
     return NOISE_C * np.random.default_rng(seed).standard_normal(count)
 
 
-def after(test, innovations_c, doubt=Doubt()):  # noqa: B008 (a state that never changes)
+def after(test, innovations_c, evidence=DisturbanceEvidence()):  # noqa: B008 (a state that never changes)
     for read_c in innovations_c:
-        doubt = test.by_reading(doubt, read_c, 0.0)
-    return doubt
+        evidence = test.by_reading(evidence, read_c, 0.0)
+    return evidence
 
 
-def test_noise_hardly_ever_causes_doubt(test):
-    doubts, state = [], Doubt()
+def test_noise_is_hardly_ever_evidence(test):
+    levels, state = [], DisturbanceEvidence()
     for read_c in noise(1, 20_000):
         state = test.by_reading(state, read_c, 0.0)
-        doubts.append(state.doubt)
-    assert np.mean(np.array(doubts) > 0.1) < 0.005
+        levels.append(state.level)
+    assert np.mean(np.array(levels) > 0.1) < 0.005
 
 
 @pytest.mark.parametrize("shift", [-5.0, 5.0])
 def test_shift_of_five_deviations_is_certain_within_half_a_second(test, shift):
-    assert after(test, noise(2, 10) + shift * NOISE_C).doubt == 1.0
+    assert after(test, noise(2, 10) + shift * NOISE_C).level == 1.0
 
 
-def test_doubt_decays(test):
+def test_evidence_decays(test):
     begun = after(test, np.full(10, 5.0 * NOISE_C))
     later = after(test, np.zeros(round(HOLD_S / PERIOD_S)), begun)
-    assert later.doubt == pytest.approx(begun.doubt / np.e, rel=0.2)
+    assert later.level == pytest.approx(begun.level / np.e, rel=0.2)
 
 
-def test_doubt_ends_if_it_lasts(test):
+def test_evidence_ends_if_it_lasts(test):
     ticks = round(MOST_S / PERIOD_S)
-    assert after(test, np.full(ticks - 5, 5.0 * NOISE_C)).doubt == 1.0
-    assert after(test, np.full(ticks + 20, 5.0 * NOISE_C)).doubt == 0.0
+    assert after(test, np.full(ticks - 5, 5.0 * NOISE_C)).level == 1.0
+    assert after(test, np.full(ticks + 20, 5.0 * NOISE_C)).level == 0.0
 
 
 def test_displacement_finds_a_disturbance_before_the_thermocouple(test):
-    state = Doubt()
+    state = DisturbanceEvidence()
     for _ in range(10):
         state = test.by_both(state, 0.0, 0.0, 20.0 * NOISE)
-    assert state.doubt == 1.0
+    assert state.level == 1.0
 
 
 def test_error_of_the_lag_in_a_fast_heating_is_no_disturbance(test):
-    calm = fast = Doubt()
+    calm = fast = DisturbanceEvidence()
     for _ in range(10):
         calm, fast = test.by_reading(calm, 1.0, 0.0), test.by_reading(fast, 1.0, 15.0)
-    assert calm.doubt == 1.0
-    assert fast.doubt == 0.0
+    assert calm.level == 1.0
+    assert fast.level == 0.0

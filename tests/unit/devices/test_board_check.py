@@ -16,7 +16,8 @@ from smadrive.devices.board_check.result import CheckVerdict
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import DeviceError, IdentityError, SafetyError
 from smadrive.files.shipped import configs_dir
-from smadrive.rig.ports.board_check import PROFILE, error_of
+from smadrive.rig.ports.board_check import error_of
+from smadrive.rig.ports.board_port import PROFILE
 
 DOCUMENT = (configs_dir().parent / "docs" / "sma-reference.md").read_text(encoding="utf-8")
 

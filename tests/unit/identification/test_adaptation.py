@@ -63,6 +63,7 @@ def test_drift_is_followed_with_a_third_of_the_error_and_certified_rules(rules):
     assert adaptation.sensor_fault is None
 
 
+@pytest.mark.exhaustive
 def test_constant_wire_keeps_its_rules(rules):
     fixed, adapted, _ = follow(rules)
     assert rms(adapted) < max(1.1 * rms(fixed), 0.5)
@@ -94,6 +95,7 @@ def test_stuck_sensor_ends_the_adaptation_and_changes_no_rule(rules):
     assert rms(adapted[-1200:]) < rms(fixed[-1200:]) + 1.0
 
 
+@pytest.mark.exhaustive
 def test_spikes_are_rejected(rules):
     rng = np.random.default_rng(2)
     fixed, adapted, adaptation = follow(

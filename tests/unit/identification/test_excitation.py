@@ -13,7 +13,6 @@ from smadrive.identification.excitation_plans import (
     FOOT_SHARE,
     MOST_REVERSALS,
     PLANS,
-    nested_reversals,
     planned_excitation,
 )
 from smadrive.rig.config import ExcitationConfig
@@ -39,7 +38,7 @@ def curves(excitation):
 @pytest.mark.parametrize("rate_c_per_s", [1e-9, 1e-3, 5e-324])
 def test_path_longer_than_a_day_is_rejected_with_its_rate(rate_c_per_s):
     with pytest.raises(ConfigError) as error:
-        nested_reversals(40.0, 120.0, rate_c_per_s, start_c=22.0)
+        planned_excitation("nested", 40.0, 120.0, rate_c_per_s, start_c=22.0)
     assert f"rate_c_per_s = {rate_c_per_s:g}" in error.value.what
     assert error.value.limit == "86400 s"
     assert error.value.cure.startswith("raise rate_c_per_s")
@@ -48,7 +47,7 @@ def test_path_longer_than_a_day_is_rejected_with_its_rate(rate_c_per_s):
 @pytest.mark.parametrize("rate_c_per_s", [0.0, -1.0, float("nan")])
 def test_rate_that_is_not_positive_is_rejected(rate_c_per_s):
     with pytest.raises(ConfigError) as error:
-        nested_reversals(40.0, 120.0, rate_c_per_s, start_c=22.0)
+        planned_excitation("nested", 40.0, 120.0, rate_c_per_s, start_c=22.0)
     assert error.value.where == "excitation.rate_c_per_s"
     assert error.value.value == pytest.approx(rate_c_per_s, nan_ok=True)
 
@@ -56,7 +55,7 @@ def test_rate_that_is_not_positive_is_rejected(rate_c_per_s):
 @pytest.mark.parametrize("low_c", [-1e308, -1e9])
 def test_path_from_an_impossible_temperature_is_rejected(low_c):
     with pytest.raises(ConfigError) as error:
-        nested_reversals(low_c, 1e308 if low_c < -1e300 else 120.0, 6.0, start_c=22.0)
+        planned_excitation("nested", low_c, 1e308 if low_c < -1e300 else 120.0, 6.0, start_c=22.0)
     assert error.value.limit == "86400 s"
 
 
@@ -72,7 +71,7 @@ def test_config_has_the_plans_and_accepts_every_number_that_is_planned():
 
 def test_default_is_the_path_of_five_nested_reversals():
     excitation = planned("nested")
-    assert excitation == nested_reversals(LOW_C, HIGH_C, RATE, START_C, major_loops=2, reversals=5)
+    assert excitation == planned("nested", reversals=5)
     assert excitation.turning_points_c[:5] == (START_C, HIGH_C, LOW_C, HIGH_C, LOW_C)
     assert (excitation.plan, excitation.reversal_curves) == ("nested", 20)
 

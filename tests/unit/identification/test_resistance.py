@@ -10,7 +10,7 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.resistance_fit.fit import identify_resistance
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.resistance import WireResistance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 MODEL = DuhemModel.gaussian(

@@ -9,7 +9,7 @@ import pytest
 from smadrive.errors import ConfigError, IdentificationError
 from smadrive.hysteresis import DuhemModel
 from smadrive.identification.excitation import ExcitationRecord, check_may_excite
-from smadrive.identification.excitation_plans import nested_reversals
+from smadrive.identification.excitation_plans import planned_excitation
 from smadrive.identification.thermal import FIT, identify_thermal
 from smadrive.measurement import Measurement
 from smadrive.wire.heat_balance import HeatBalance
@@ -151,7 +151,7 @@ def test_wire_far_from_the_nominal_one_is_rejected(record):
 
 
 def test_excitation_reverses_at_many_depths_and_ends_cold():
-    excitation = nested_reversals(40.0, 120.0, 4.0, start_c=22.0)
+    excitation = planned_excitation("nested", 40.0, 120.0, 4.0, start_c=22.0)
     points = np.array(excitation.turning_points_c)
     assert points[0] == 22.0
     assert points[-1] == 40.0
@@ -165,14 +165,18 @@ def test_excitation_reverses_at_many_depths_and_ends_cold():
 
 def test_excitation_without_range_is_rejected():
     with pytest.raises(ConfigError) as error:
-        nested_reversals(90.0, 60.0, 4.0, start_c=22.0)
+        planned_excitation("nested", 90.0, 60.0, 4.0, start_c=22.0)
     assert (error.value.where, error.value.value, error.value.limit) == ("excitation.high_c", 60.0, 90.0)
     with pytest.raises(ConfigError) as error:
-        nested_reversals(60.0, 90.0, 0.0, start_c=22.0)
+        planned_excitation("nested", 60.0, 90.0, 0.0, start_c=22.0)
     assert error.value.where == "excitation.rate_c_per_s"
 
 
-EXCITATION = nested_reversals(40.0, 120.0, 6.0, start_c=22.0)
+def from_low(low_c):
+    return planned_excitation("nested", low_c, 120.0, 6.0, start_c=22.0)
+
+
+EXCITATION = from_low(40.0)
 FOUND = Measurement(0.0, 22.0, 0.0, 0.0, displacement_mm=0.0)
 
 
@@ -185,8 +189,8 @@ def test_possible_experiment_is_accepted():
     [
         (EXCITATION, 0.6, FOUND._replace(displacement_mm=float("nan")), "None", "None", "connect a sensor"),
         (EXCITATION, 0.3, FOUND, r"about 0.3\d A", "0.3 A", "lower high_c or rate_c_per_s, or raise current_max_a if"),
-        (nested_reversals(30.0, 120.0, 6.0, start_c=22.0), 0.6, FOUND, "6 K/s", "2.* K/s", "raise low_c to 39"),
-        (nested_reversals(20.0, 120.0, 6.0, start_c=22.0), 0.6, FOUND, "6 K/s", ".* K/s", "raise low_c to 39"),
+        (from_low(30.0), 0.6, FOUND, "6 K/s", "2.* K/s", "raise low_c to 39"),
+        (from_low(20.0), 0.6, FOUND, "6 K/s", ".* K/s", "raise low_c to 39"),
     ],
 )
 def test_impossible_experiment_is_rejected_with_the_cure(excitation, current_max_a, found, value, limit, cure):

@@ -6,6 +6,7 @@ The benchmarks repeat this with more runs.
 import pytest
 from hypothesis import settings
 from hypothesis.stateful import run_state_machine_as_test
+from marks import exhaustive
 from modbus_model import BusMachine, NumberedBusMachine
 
 from smadrive.modbus import requests
@@ -15,7 +16,7 @@ from smadrive.modbus.requests import read_holding
 SETTINGS = settings(max_examples=150, stateful_step_count=30, deadline=None)
 
 
-@pytest.mark.parametrize("machine", [BusMachine, NumberedBusMachine], ids=["rtu", "tcp"])
+@pytest.mark.parametrize("machine", [BusMachine, exhaustive(NumberedBusMachine)], ids=["rtu", "tcp"])
 def test_no_foreign_reply_is_accepted(machine):
     run_state_machine_as_test(machine, settings=SETTINGS)
 

@@ -13,6 +13,7 @@ from smadrive.modbus.trace import TraceFile, content_of, read_trace
 from smadrive.modbus.transports.in_process import InProcessTransport
 
 READ = requests.read_holding(10, 2)
+MASK_WRITE = bytes.fromhex("16 0004 FFFE 0001")
 RIGHT = rtu.seal(1, bytes.fromhex("03 04 000A 000B"))
 
 
@@ -95,7 +96,10 @@ def test_trace_reads_back_as_the_same_frames(tmp_path, script, timing):
         (requests.write_coil(4, True), "write coil 4: on"),
         (requests.write_coils(4, [True, False, True]), "write coils from 4: 101"),
         (requests.write_registers(4, [1, 65535]), "write registers from 4: 1 65535"),
-        (requests.mask_write(4, 0xFFFE, 1), "mask register 4: and 0xfffe, or 0x0001"),
+        (
+            requests.Request(MASK_WRITE, MASK_WRITE, payload_size=0, writes=True),
+            "mask register 4: and 0xfffe, or 0x0001",
+        ),
         (requests.exchange(32, [1, 2], 16, 3), "write registers from 32: 1 2, read 3 from 16"),
     ],
 )

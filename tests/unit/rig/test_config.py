@@ -184,7 +184,8 @@ def test_off_reads_the_addresses_of_a_rig_file_with_other_errors(folder):
     assert load_off_config("in-process").current_max_a == 0.6
 
 
-@pytest.mark.parametrize("devices", [[], "board", [1]])
-def test_off_needs_devices(folder, devices):
-    with pytest.raises(ConfigError, match="devices"):
-        load_off_config(edited(folder, devices=devices))
+@pytest.mark.parametrize("devices", ["board", [1]])
+def test_off_reports_devices_that_it_cannot_read(folder, devices):
+    config = load_off_config(edited(folder, devices=devices))
+    assert config.devices == ()
+    assert "devices" in config.device_mistake.where or "devices" in config.device_mistake.what

@@ -11,6 +11,7 @@ import pytest
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import SafetyError
 from smadrive.rig.config import DeviceConfig
+from smadrive.rig.connections import key_of
 from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.switching_off.drivers import MOST_LATE, stop_drivers, stop_late_drivers
 
@@ -50,18 +51,18 @@ def start(port):
 
 
 @pytest.fixture
-def devices(port):
+def keys(port):
     config = DeviceConfig(name="board", profile="sma-reference", url=f"serial://{port}")
-    return [PlannedDevice(config, load_profile("sma-reference"))]
+    return [key_of(PlannedDevice(config, load_profile("sma-reference")))]
 
 
-def test_no_driver_needs_no_second_confirmation(devices):
+def test_no_driver_needs_no_second_confirmation(keys):
     confirmed = []
-    assert stop_late_drivers(devices, lambda: confirmed.append(1)) == ((), None)
+    assert stop_late_drivers(keys, lambda: confirmed.append(1)) == ((), None)
     assert not confirmed
 
 
-def test_heater_is_confirmed_off_again_after_each_driver_that_came(devices, start):
+def test_heater_is_confirmed_off_again_after_each_driver_that_came(keys, start):
     pids, confirmed = [start()], []
 
     def confirm():
@@ -69,32 +70,32 @@ def test_heater_is_confirmed_off_again_after_each_driver_that_came(devices, star
         if len(confirmed) == 1:
             pids.append(start())
 
-    stopped, refused = stop_late_drivers(devices, confirm)
+    stopped, refused = stop_late_drivers(keys, confirm)
     assert [driver.pid for driver in stopped] == pids
     assert len(confirmed) == 2
     assert refused is None
 
 
-def test_driver_of_an_ended_terminal_keeps_no_number_from_a_new_one(devices, start):
+def test_driver_of_an_ended_terminal_keeps_no_number_from_a_new_one(keys, start):
     """The number of a pseudo-terminal is soon reused. Both drivers listen, and both are stopped."""
     pids = [start(), start()]
-    stopped, _ = stop_drivers(devices)
+    stopped, _ = stop_drivers(keys)
     assert [driver.pid for driver in stopped] == pids
 
 
-def test_driver_with_several_names_is_killed_once(devices, start, port, tmp_path):
+def test_driver_with_several_names_is_killed_once(keys, start, port, tmp_path):
     link = tmp_path / "link"
     link.symlink_to(port)
     by_link = DeviceConfig(name="other", profile="sma-reference", url=f"serial://{link}")
     pid = start(f"serial://{port}", f"serial://{link}")
     os.kill(pid, signal.SIGSTOP)
-    stopped, failure = stop_drivers([*devices, PlannedDevice(by_link, load_profile("sma-reference"))])
+    stopped, failure = stop_drivers([*keys, key_of(PlannedDevice(by_link, load_profile("sma-reference")))])
     assert [(driver.pid, driver.killed) for driver in stopped] == [(pid, True)]
     assert failure is None
 
 
-def test_drivers_that_start_again_and_again_are_an_error(devices, start):
+def test_drivers_that_start_again_and_again_are_an_error(keys, start):
     start()
     with pytest.raises(SafetyError) as error:
-        stop_late_drivers(devices, start)
+        stop_late_drivers(keys, start)
     assert error.value.limit == MOST_LATE

@@ -10,9 +10,9 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import DeviceConfig
 from smadrive.rig.planned_device import PlannedDevice
-from smadrive.rig.sensing.checks import COARSE, TOO_COARSE, check_sensing, resolution, resolution_error
+from smadrive.rig.sensing_checks import COARSE, TOO_COARSE, check_sensing, resolution, resolution_error
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.resistance import WireResistance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 MODEL = DuhemModel.gaussian(

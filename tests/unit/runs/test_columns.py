@@ -7,7 +7,7 @@ from operator import attrgetter
 
 import pytest
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
 from smadrive.measurement import Measurement
 from smadrive.runs.columns import COLUMNS, fields_of, row_getter

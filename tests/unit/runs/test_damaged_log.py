@@ -181,6 +181,7 @@ def test_log_without_checksums_is_read_with_a_warning(sound, unchecked):
     assert len(old.caveats) == 1
 
 
+@pytest.mark.exhaustive
 def test_damaged_log_without_checksums_raises_only_data_errors(unchecked, tmp_path):
     whole, path = unchecked.read_bytes(), tmp_path / "run.h5"
     for seed in range(300):

@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from benchmarks.oldlog import to_layout_1, without_checksums
+from marks import exhaustive
 
 from smadrive.cli.views.reports.log_report import write_log_report
 from smadrive.control.feedforward.displacement import HysteresisInverse
@@ -38,7 +39,7 @@ def tracked(tmp_path_factory):
     return path
 
 
-@pytest.fixture(params=[to_layout_1, without_checksums])
+@pytest.fixture(params=[to_layout_1, exhaustive(without_checksums)])
 def old(request, tracked, tmp_path):
     path = tmp_path / "old.h5"
     path.write_bytes(tracked.read_bytes())

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from smadrive.errors import DataError
-from smadrive.runs.plots import POINTS, line, panels
+from smadrive.runs.plot_style import POINTS, line, panels
 from smadrive.runs.report import Banner, Grid, Listing, Notes, Plot, Tiles, write_report
 
 

@@ -60,3 +60,11 @@ def test_displacement_of_a_wire_that_is_not_transformed_limits_its_temperature(s
     limits_c = [placed.hottest_c(1.0 + share * scale) for share in (0.0, 0.4, 0.8)]
     assert limits_c == pytest.approx([83.6 + UNSURE_C, 90.0 + UNSURE_C, 96.4 + UNSURE_C], abs=0.6)
     assert placed.hottest_c(1.0 + 0.95 * scale) == placed.hottest_c(nan) == inf
+
+
+@pytest.mark.parametrize("scale", [12.0, -3.0])
+def test_displacement_beyond_the_travel_is_impossible_at_every_temperature(scale):
+    placed = DisplacementBand(wire(scale))
+    reached = {share: placed.is_beyond_travel(1.0 + share * scale) for share in (-0.2, -0.09, 0.5, 1.09, 1.2)}
+    assert reached == {-0.2: True, -0.09: False, 0.5: False, 1.09: False, 1.2: True}
+    assert not placed.is_beyond_travel(nan)

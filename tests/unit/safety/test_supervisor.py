@@ -251,7 +251,7 @@ def band():
     return DisplacementBand(model)
 
 
-@pytest.mark.parametrize(("temperature_c", "displacement_mm"), [(115.0, 0.0), (30.0, 12.0), (80.0, 999.0)])
+@pytest.mark.parametrize(("temperature_c", "displacement_mm"), [(115.0, 0.0), (30.0, 12.0)])
 def test_displacement_outside_the_band_trips_after_the_lag_of_the_thermocouple(band, temperature_c, displacement_mm):
     samples = [sample(n, temperature_c=temperature_c, displacement_mm=displacement_mm) for n in range(100)]
     after, fault = trips_after(samples, band=band)
@@ -259,8 +259,14 @@ def test_displacement_outside_the_band_trips_after_the_lag_of_the_thermocouple(b
     assert 0.05 * after == pytest.approx(LIMITS.misplaced_for_s, abs=0.2)
 
 
+@pytest.mark.parametrize("displacement_mm", [-2.0, 999.0])
+def test_displacement_beyond_the_travel_trips_at_once(band, displacement_mm):
+    samples = [sample(n, temperature_c=80.0, displacement_mm=displacement_mm) for n in range(100)]
+    assert trips_after(samples, band=band) == (3, Fault.DISPLACEMENT_IMPLAUSIBLE)
+
+
 def test_displacement_outside_the_band_for_a_short_time_or_not_measured_does_not_trip(band):
-    there = [sample(n, temperature_c=80.0, displacement_mm=999.0 if n % 50 else 6.0) for n in range(500)]
+    there = [sample(n, temperature_c=115.0, displacement_mm=0.0 if n % 50 else 12.0) for n in range(500)]
     assert trips_after(there, band=band) is None
     assert trips_after([sample(n, temperature_c=115.0) for n in range(500)], band=band) is None
 

@@ -12,7 +12,7 @@ import pytest
 from peers import mosquitto
 from peers.mosquitto import MosquittoBroker, Subscriber, wait_for
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
 from smadrive.errors import TripError
 from smadrive.measurement import Measurement

@@ -8,8 +8,8 @@ import pytest
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire, parse_wire
-from smadrive.wire.resistance import WireResistance
 
 MODEL = DuhemModel.gaussian(
     mu_heating=90, mu_cooling=70, sigma_heating=5, sigma_cooling=5, scale=10, input_range=(0, 200)

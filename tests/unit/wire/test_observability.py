@@ -7,8 +7,8 @@ import pytest
 
 from smadrive.hysteresis import DuhemModel
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import SENSE_HEAT, SENSE_NOISE, cold_c, lost_band, sense_current
-from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 MODEL = DuhemModel.gaussian(

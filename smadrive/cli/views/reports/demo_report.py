@@ -10,7 +10,7 @@ import numpy as np
 from smadrive.identification.wire import WireFit
 from smadrive.runs.figures.log_plots import NOT_SCORED, draw_error
 from smadrive.runs.log.reader import Log
-from smadrive.runs.plots import (
+from smadrive.runs.plot_style import (
     COOLING,
     ESTIMATED,
     FAINT,

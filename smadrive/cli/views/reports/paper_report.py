@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem
-from smadrive.runs.plots import (
+from smadrive.runs.plot_style import (
     COOLING,
     ESTIMATED,
     FAINT,

@@ -1,4 +1,4 @@
-"""The window of time that one page looks at: the newest minute while it follows the run, or any part of the session.
+"""The window of time that one page shows: the newest minute while it follows the run, or any part of the session.
 
 A page stops following the run when its user presses Pause, drags or zooms a plot, and at a trip. It follows again after
 Resume, and after a trip also when the heater is armed again. The run does not depend on what a page shows.

@@ -9,7 +9,7 @@ import pytest
 
 from firmware_sim.board import library
 from firmware_sim.board.core_board import CoreBoard
-from firmware_sim.board.library import FOLDER, Hardware, Inputs, board_library
+from firmware_sim.board.library import CORE, FOLDER, NATIVE, Hardware, Inputs, board_library
 from firmware_sim.devices.board.calibration import BoardCalibration, Correction
 from firmware_sim.devices.board.checks import BoardLimit
 from firmware_sim.devices.board.readings import BoardFault
@@ -17,7 +17,6 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError
 from smadrive.modbus.framing import rtu
 
-CORE, NATIVE = FOLDER / "core", FOLDER / "native"
 PROFILE = load_profile("sma-reference")
 ROW = re.compile(r"ROW\((\w+), +(\d+), (\w+), +(\w+), +([\w-]+), ([\w-]+)\)")
 CONSTANT = re.compile(r"#define (\w+) (0x[0-9A-F]+|-?\d+)")
@@ -174,5 +173,5 @@ def test_build_that_fails_is_a_config_error_and_leaves_nothing(monkeypatch, tmp_
     monkeypatch.setenv("CC", "false")
     with pytest.raises(ConfigError) as error:
         board_library.__wrapped__()
-    assert error.value.where == str(FOLDER)
+    assert error.value.where == str(NATIVE)
     assert list((tmp_path / "smadrive").iterdir()) == []

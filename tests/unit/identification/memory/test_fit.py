@@ -17,7 +17,7 @@ def test_a_duhem_wire_has_no_memory(rng):
     fit = identify_memory(v, DUHEM.simulate(v))
     assert type(fit.model) is TSFuzzyDuhem
     assert fit.memory.sets == 1
-    assert fit.memory.doubts == ()
+    assert fit.memory.caveats == ()
 
 
 @pytest.mark.exhaustive
@@ -43,6 +43,7 @@ class _Scaled:
         return 4.0 - 3.0 * self.wire.simulate(v)
 
 
+@pytest.mark.exhaustive
 def test_a_given_number_of_sets_is_used(rng):
     wire, v = MixedWire(0.0, 0.4, rng), reversal_curves(samples=1500)
     fit = identify_memory(v, wire.simulate(v), memory=16)
@@ -64,8 +65,8 @@ def test_too_few_loops_are_told(rng):
     wire, v = MixedWire(0.0, 0.0, rng), path([COLD, 110.0, 50.0, 90.0, 60.0, 80.0, 50.0], 900)
     fit = identify_memory(v, wire.simulate(v))
     assert type(fit.model) is TSFuzzyDuhem
-    assert len(fit.memory.doubts) == 1
-    assert set(fit.memory.doubts) <= set(fit.caveats)
+    assert len(fit.memory.caveats) == 1
+    assert set(fit.memory.caveats) <= set(fit.caveats)
 
 
 @pytest.mark.parametrize("memory", [0, 2, 3, 41, 2.5])
@@ -80,11 +81,11 @@ def test_an_impossible_number_of_sets_is_refused(rng, memory):
 def test_a_one_sided_record_is_explained_by_the_plane_unless_rules_are_much_better(rng):
     """Rules and relays with nearly independent thresholds predict nearly the same falling curves."""
     v = reversal_curves(samples=1500)
-    for wire, kind, doubts in ((MixedWire(0.0, 0.2, rng), TSFuzzyPreisach, 1), (DUHEM, TSFuzzyDuhem, 0)):
+    for wire, kind, caveats in ((MixedWire(0.0, 0.2, rng), TSFuzzyPreisach, 1), (DUHEM, TSFuzzyDuhem, 0)):
         record = prepare(v, wire.simulate(v), None)
         model, _, memory = choose(record, 28, fit_rules, fit_rules(record))
         assert type(model) is kind
-        assert len(memory.doubts) == doubts
+        assert len(memory.caveats) == caveats
 
 
 @pytest.mark.exhaustive

@@ -36,6 +36,7 @@ def test_linear_fit_is_left_out_exactly():
     assert ratio == pytest.approx(np.sqrt(expected), rel=1e-6)
 
 
+@pytest.mark.exhaustive
 def test_steep_and_sparse_samples_are_not_followed_one_by_one():
     """The steep parts have only a few samples: free rules would fit each of them, and be wrong between them."""
     v = np.concatenate([np.linspace(25, 135, 220), np.linspace(135, 25, 220)])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from marks import exhaustive
 
 from smadrive.errors import DataError, IdentificationError
 from smadrive.hysteresis import DuhemModel, InverseFeedforward
@@ -27,7 +28,7 @@ def paper_record():
     return v, PAPER.simulate(v)
 
 
-@pytest.mark.parametrize(("fit_centres", "limit_percent"), [(False, 0.5), (True, 0.15)])
+@pytest.mark.parametrize(("fit_centres", "limit_percent"), [exhaustive(False, 0.5), (True, 0.15)])
 def test_fit_of_the_papers_model_predicts_other_loops(paper_record, fit_centres, limit_percent):
     fit = identify_tsfuzzy(*paper_record, fit_centres=fit_centres)
     assert len(fit.model.rules) == 22
@@ -68,6 +69,7 @@ def test_fit_of_a_noisy_record_can_be_inverted(noisy_fit):
     np.testing.assert_allclose(inverted.y, fit.predicted, rtol=0, atol=1e-8 * abs(fit.model.scale))
 
 
+@pytest.mark.exhaustive
 def test_fit_of_a_record_with_a_gap_is_certified(noisy_record):
     v, y, noisy_v, noise = noisy_record
     kept = ~((v > 85) & (v < 118))
@@ -78,6 +80,7 @@ def test_fit_of_a_record_with_a_gap_is_certified(noisy_record):
     assert w.max() <= 1 + 1e-9
 
 
+@pytest.mark.exhaustive
 def test_branch_so_narrow_that_its_density_underflows_is_fitted():
     """Far from such a branch the local law is 0 = 0: it has no equilibrium there."""
     true = DuhemModel.gaussian(

@@ -62,6 +62,7 @@ def test_wire_returns_to_its_start_below_the_coldest_turning_point(wire):
     assert fit.rms_percent < 1.5
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=8, deadline=None)
 @given(st.floats(20.0, 60.0), st.floats(40.0, 95.0), st.floats(5.0, 33.0), st.sampled_from([True, False]))
 def test_branches_are_monotone_whatever_is_missing(low, start, width, rising):

@@ -27,7 +27,6 @@ GOLDEN = [
         0,
     ),
     (requests.write_registers(1, [0x0A, 0x0102]), "10 00 01 00 02 04 00 0A 01 02", "10 00 01 00 02", 0),
-    (requests.mask_write(4, 0xF2, 0x25), "16 00 04 00 F2 00 25", "16 00 04 00 F2 00 25", 0),
     (
         requests.exchange(0x0E, [0xFF, 0xFF, 0xFF], 3, 6),
         "17 00 03 00 06 00 0E 00 03 06 00 FF 00 FF 00 FF",

@@ -6,7 +6,7 @@ from math import inf, isnan, nan
 import numpy as np
 import pytest
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.errors import ConfigError, ControllerError
 from smadrive.measurement import Measurement
 from smadrive.scripting.loop.own_controller import OwnController, Pace, check_controller
@@ -144,10 +144,10 @@ def test_update_that_takes_longer_than_the_rig_waits_is_an_error_that_names_the_
 
 
 @pytest.mark.parametrize(
-    ("took_s", "is_virtual", "doubts"), [(0.2, False, 1), (0.04, False, 0), (0.4, True, 1), (0.2, True, 0)]
+    ("took_s", "is_virtual", "caveats"), [(0.2, False, 1), (0.04, False, 0), (0.4, True, 1), (0.2, True, 0)]
 )
-def test_slow_update_is_a_doubt_about_the_run(took_s, is_virtual, doubts):
+def test_slow_update_is_a_caveat_of_the_run(took_s, is_virtual, caveats):
     own = updated([0.0, took_s, 1.0, 1.0], Pace(0.05, 0.3, is_virtual))
     assert own.slowest_s == took_s
-    assert len(own.doubts) == doubts
-    assert all(f"{took_s:g} s" in doubt and "0.05 s" in doubt for doubt in own.doubts)
+    assert len(own.caveats) == caveats
+    assert all(f"{took_s:g} s" in caveat and "0.05 s" in caveat for caveat in own.caveats)

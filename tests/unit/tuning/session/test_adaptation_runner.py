@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from marks import exhaustive
 
-from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
 from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.hysteresis.fuzzy import TriangularSets

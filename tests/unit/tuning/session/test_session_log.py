@@ -86,6 +86,7 @@ def test_modes_off_and_changes_are_events_and_each_model_is_kept(logged):
     assert parse_model(models[3], place="3").heating_law[0][2] == -0.05
 
 
+@pytest.mark.exhaustive
 def test_comparison_logs_its_switches_and_scores(logged):
     rig = logged.rig
     rig.at(0.5, "keep", slot="A")

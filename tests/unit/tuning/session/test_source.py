@@ -13,8 +13,8 @@ from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import BY_RESISTANCE, BY_SENSOR, record_session
 from smadrive.runs.session_record import models_of, tunings_of
 from smadrive.tuning.session.adaptation_runner import NEEDS_SENSOR, SENSOR_FAILED, AdaptationRunner
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.identified_wire import parse_wire
-from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_properties import WireProperties
 from tests.unit.tuning.conftest import BALANCE
 

@@ -1,7 +1,7 @@
-"""The displacement that the observer gets: that of a sensor, or that by the resistance of the wire.
+"""Selection of the source of the displacement: a sensor, or the resistance of the wire.
 
-A sensor can fail: it shows nothing, or something that the wire cannot do. The resistance then replaces it. While the
-sensor is valid, it calibrates the leads (lead.py), so the change of the source makes no jump.
+A sensor can fail: it gives no reading, or readings that the wire cannot have. The resistance then replaces it. While
+the sensor is valid, it calibrates the leads (lead.py), so the displacement does not jump when the source changes.
 
 A sensor is implausible if it moves differently from the model while the resistance does not. The difference d of a
 source from the model is summed over the ticks, and forgotten with the time constant `FORGET_S`, so that a slow error of
@@ -9,10 +9,15 @@ the model does not count:
 
     d <- d exp(-Δt/FORGET_S) + (change of the source) - (change that the model predicts)
 
-The sensor has failed when its difference from the resistance, a mean with the weight `WEIGHT` of the latest sample, and
-|d| of the sensor exceed `MOST_SHARE` strokes and `MOST_NOISES` standard deviations of the resistance, while |d| of the
-resistance is less than half, in `FAILS_TICKS` ticks in a row. If the sensor agrees with the model and the resistance
-does not, a contact has changed, and the sensor stays.
+The sensor is implausible in a tick if all of this holds:
+
+    the mean difference of sensor and resistance, with the weight `WEIGHT` of the latest sample, exceeds the limit
+    |d| of the sensor exceeds the limit
+    |d| of the resistance is less than half of |d| of the sensor
+
+The limit is `MOST_SHARE` strokes, or `MOST_NOISES` standard deviations of the resistance if that is more. The sensor
+has failed after `FAILS_TICKS` such ticks in a row. If the sensor agrees with the model and the resistance does not, a
+contact has changed, and the sensor stays.
 
     sensor --no reading--> resistance --valid for RETURNS_TICKS ticks, and agrees--> sensor
     sensor --implausible--> failed: the resistance, until the end of the run
@@ -25,7 +30,7 @@ from typing import NamedTuple
 
 from smadrive.control.estimation.lead import LeadChange
 from smadrive.control.estimation.observer import WireEstimate
-from smadrive.control.estimation.resistance_sensor import UNSEEN, ResistanceSensor, SeenDisplacement
+from smadrive.control.estimation.resistance_sensor import NO_READING, DisplacementReading, ResistanceSensor
 from smadrive.measurement import DisplacementFrom, Measurement
 
 FORGET_S = 3.0
@@ -36,17 +41,16 @@ COLD_S = 2.5
 """Longest time for which the leads of the cold wire are measured at the beginning of a run, s."""
 
 
-class Sensing(NamedTuple):
-    """The state of the sensing.
-
-    `cold_s` is the time for which the leads of the cold wire were measured, s; inf when the wire is not cold.
+class SourceState(NamedTuple):
+    """The state of the selection.
 
     `lead` is the change of the leads. `apart_mm` and `resistance_apart_mm` are the differences d of the sensor and of
     the resistance, `disagreement_mm` is the weighted mean of sensor - resistance. `before_mm` and
-    `resistance_before_mm` are the last displacements (NaN: none). `suspect_ticks` counts the latest ticks with an
-    implausible sensor, `valid_ticks` those with a reading. `has_sensor` is True after the first reading of the sensor,
-    `is_doubted` while it is not used after that, `failed` after it was implausible for too long. `source` is the
-    present source.
+    `resistance_before_mm` are the last displacements, NaN without one. `suspect_ticks` counts the latest ticks in a row
+    with an implausible sensor, `valid_ticks` those with a plausible reading. `has_sensor` is True after the first
+    reading of the sensor. `is_replaced` is True while the sensor is not used after its first reading. `failed` is True
+    after `FAILS_TICKS` implausible ticks. `source` is the present source. `cold_s` is the time for which the leads of
+    the cold wire were measured, s; inf once the wire has been warm.
     """
 
     lead: LeadChange
@@ -58,7 +62,7 @@ class Sensing(NamedTuple):
     suspect_ticks: int = 0
     valid_ticks: int = 0
     has_sensor: bool = False
-    is_doubted: bool = False
+    is_replaced: bool = False
     failed: bool = False
     source: DisplacementFrom = DisplacementFrom.NONE
     cold_s: float = 0.0
@@ -66,7 +70,7 @@ class Sensing(NamedTuple):
     @property
     def needs_resistance(self) -> bool:
         """True while the resistance is the source, also in a tick whose current is too small for it."""
-        return self.is_doubted or self.source is DisplacementFrom.RESISTANCE
+        return self.is_replaced or self.source is DisplacementFrom.RESISTANCE
 
     @property
     def in_force(self) -> DisplacementFrom:
@@ -74,15 +78,15 @@ class Sensing(NamedTuple):
         return DisplacementFrom.RESISTANCE if self.needs_resistance else self.source
 
 
-class Seen(NamedTuple):
-    """The displacement for the observer, and that by the resistance."""
+class Selected(NamedTuple):
+    """The displacement for the observer, `used`, and the displacement by the resistance."""
 
-    used: SeenDisplacement
-    by_resistance: SeenDisplacement
+    used: DisplacementReading
+    by_resistance: DisplacementReading
 
 
-class DisplacementSensing:
-    """Chooses the displacement of each tick.
+class SourceSelection:
+    """Selects the displacement of each tick.
 
     `chosen` is the source that the user has chosen. `resistance` is None for a wire whose resistance is not identified.
     `noise_mm` is the standard deviation of the sensor's noise, `stroke_mm` the stroke.
@@ -94,39 +98,39 @@ class DisplacementSensing:
         self._chosen, self._resistance = chosen, resistance
         self._noise_mm, self._most_mm = noise_mm, MOST_SHARE * stroke_mm
 
-    def start(self) -> Sensing:
+    def start(self) -> SourceState:
         """Return the state before the first measurement."""
         lead = LeadChange.unknown(1.0) if self._resistance is None else self._resistance.unknown_lead()
-        return Sensing(lead)
+        return SourceState(lead)
 
-    def adopt(self, state: Sensing, before: DisplacementSensing) -> Sensing:
-        """Return the state with which this sensing continues that of `before`.
+    def adopt(self, state: SourceState, before: SourceSelection) -> SourceState:
+        """Return the state with which this selection continues that of `before`.
 
         Another chosen source is judged anew. The leads stay those that were measured.
         """
         if before._chosen is self._chosen:
             return state
-        return Sensing(state.lead, cold_s=state.cold_s)
+        return SourceState(state.lead, cold_s=state.cold_s)
 
     def start_mm(self, measurement: Measurement) -> float:
         """Return the displacement of the sensor if it is the source, otherwise NaN."""
         return self._sensor(measurement).mm
 
-    def floor_a(self, state: Sensing) -> float:
+    def floor_a(self, state: SourceState) -> float:
         """Return the least current in A that keeps the resistance observable; 0 while nothing needs the resistance."""
         if self._resistance is None or not state.needs_resistance:
             return 0.0
         return self._resistance.floor_a
 
-    def most_a(self, state: Sensing) -> float:
-        """Return the largest current in A: the leads are measured at the beginning, while the wire is cold."""
+    def most_a(self, state: SourceState) -> float:
+        """Return the largest current in A. It is finite only at the beginning, while the leads are measured."""
         if self._resistance is None or self._chosen is not DisplacementFrom.RESISTANCE or state.cold_s > COLD_S:
             return inf
         return self._resistance.cold_a
 
     def update(
-        self, state: Sensing, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
-    ) -> tuple[Sensing, Seen]:
+        self, state: SourceState, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
+    ) -> tuple[SourceState, Selected]:
         """Return the next state and the displacement of this tick.
 
         `before` is the last estimate, and `ahead` the prediction for now.
@@ -134,29 +138,34 @@ class DisplacementSensing:
         sensor = self._sensor(measurement)
         if self._resistance is None:
             source = DisplacementFrom.SENSOR if isfinite(sensor.mm) else DisplacementFrom.NONE
-            return state._replace(source=source), Seen(sensor, UNSEEN)
+            return state._replace(source=source), Selected(sensor, NO_READING)
         by_resistance = self._resistance.displacement(state.lead, measurement, before, ahead, dt_s)
         predicted_mm = ahead.hysteresis.y - before.hysteresis.y
         state = self._compared(state, sensor, by_resistance, predicted_mm, dt_s)
         source = self._source(state, sensor, by_resistance)
         is_trusted = source is DisplacementFrom.SENSOR and state.valid_ticks > RETURNS_TICKS
-        trusted = sensor if is_trusted else UNSEEN
+        trusted = sensor if is_trusted else NO_READING
         lead = self._resistance.lead(state.lead, measurement, before, ahead, trusted, dt_s)
-        used = {DisplacementFrom.SENSOR: sensor, DisplacementFrom.RESISTANCE: by_resistance}.get(source, UNSEEN)
+        used = {DisplacementFrom.SENSOR: sensor, DisplacementFrom.RESISTANCE: by_resistance}.get(source, NO_READING)
         is_cold = self._resistance.is_cold(before)
-        is_doubted = state.has_sensor and source is not DisplacementFrom.SENSOR
+        is_replaced = state.has_sensor and source is not DisplacementFrom.SENSOR
         cold_s = state.cold_s + dt_s * self._resistance.measures_leads(measurement) if is_cold else inf
-        state = state._replace(lead=lead, source=source, is_doubted=is_doubted, cold_s=cold_s)
-        return state, Seen(used, by_resistance)
+        state = state._replace(lead=lead, source=source, is_replaced=is_replaced, cold_s=cold_s)
+        return state, Selected(used, by_resistance)
 
-    def _sensor(self, measurement: Measurement) -> SeenDisplacement:
+    def _sensor(self, measurement: Measurement) -> DisplacementReading:
         if self._chosen is not DisplacementFrom.SENSOR or not isfinite(measurement.displacement_mm):
-            return UNSEEN
-        return SeenDisplacement(measurement.displacement_mm, self._noise_mm)
+            return NO_READING
+        return DisplacementReading(measurement.displacement_mm, self._noise_mm)
 
     def _compared(
-        self, state: Sensing, sensor: SeenDisplacement, resistance: SeenDisplacement, predicted_mm: float, dt_s: float
-    ) -> Sensing:
+        self,
+        state: SourceState,
+        sensor: DisplacementReading,
+        resistance: DisplacementReading,
+        predicted_mm: float,
+        dt_s: float,
+    ) -> SourceState:
         """Return the state with the differences of both sources from the model."""
         keep = exp(-dt_s / FORGET_S)
         apart_mm = _apart(keep * state.apart_mm, state.before_mm, sensor.mm, predicted_mm)
@@ -182,7 +191,9 @@ class DisplacementSensing:
             failed=state.failed or suspect_ticks >= FAILS_TICKS,
         )
 
-    def _source(self, state: Sensing, sensor: SeenDisplacement, resistance: SeenDisplacement) -> DisplacementFrom:
+    def _source(
+        self, state: SourceState, sensor: DisplacementReading, resistance: DisplacementReading
+    ) -> DisplacementFrom:
         """Return the source of this tick."""
         by_resistance = DisplacementFrom.RESISTANCE if isfinite(resistance.mm) else DisplacementFrom.NONE
         if self._chosen is DisplacementFrom.RESISTANCE:
@@ -192,10 +203,10 @@ class DisplacementSensing:
         if state.failed or state.suspect_ticks or not isfinite(sensor.mm):
             return by_resistance
         agrees = state.valid_ticks > RETURNS_TICKS and abs(state.disagreement_mm) < self._most_mm
-        return by_resistance if state.is_doubted and not agrees else DisplacementFrom.SENSOR
+        return by_resistance if state.is_replaced and not agrees else DisplacementFrom.SENSOR
 
 
 def _apart(apart_mm: float, before_mm: float, now_mm: float, predicted_mm: float) -> float:
-    """Return the difference of a source from the model after one tick; 0 without two displacements in a row."""
+    """Return the difference d of a source from the model after a tick; 0 without two displacements in a row."""
     change_mm = now_mm - before_mm - predicted_mm
     return apart_mm + change_mm if isfinite(change_mm) else 0.0

@@ -1,4 +1,4 @@
-"""Can the resistance replace the displacement sensor on this rig? Checked before the wire is heated.
+"""Checks, before the wire is heated, whether the resistance can replace the displacement sensor on this rig.
 
 The device that heats must measure current and voltage. Its resolution limits the displacement: a quantum q makes an
 error of up to q/2, and while the current is steady, this error does not average out. In the middle of the cooling
@@ -16,14 +16,14 @@ from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.planned_device import PlannedDevice
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import branch_of, cold_c, lost_text
-from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 KEY = "displacement_from"
 
 COARSE, TOO_COARSE = 0.02, 0.1
-"""Errors by the resolution, in strokes, from which the plan of a run warns, and from which the run is refused."""
+"""Errors by the resolution, in strokes: a run above the first gets a warning, a run above the second is refused."""
 
 
 def check_sensing(
@@ -45,7 +45,7 @@ def check_sensing(
             "`smadrive identify` says why if the resistance cannot be used",
         )
     _check_measured(source)
-    return *_resolution_doubts(source, wire, wire.resistance), *_lead_doubts(wire, wire.resistance, temperature_c)
+    return *_resolution_caveats(source, wire, wire.resistance), *_lead_caveats(wire, wire.resistance, temperature_c)
 
 
 def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
@@ -77,7 +77,7 @@ def resolution(profile: Profile) -> tuple[float, float]:
     return current_a, voltage_v
 
 
-def _resolution_doubts(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
+def _resolution_caveats(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
     error = resolution_error(wire, resistance, *resolution(source.profile))
     if error > TOO_COARSE:
         raise ConfigError(
@@ -102,8 +102,8 @@ def resolution_error(wire: WireModel, resistance: WireResistance, quantum_a: flo
     return share * ohm / abs(resistance.ohm_per_phase(temperature_c, 0.5))
 
 
-def _lead_doubts(wire: WireModel, resistance: WireResistance, temperature_c: float) -> tuple[str, ...]:
-    """Return what limits the displacement by the resistance, and a warning if the leads cannot be measured."""
+def _lead_caveats(wire: WireModel, resistance: WireResistance, temperature_c: float) -> tuple[str, ...]:
+    """Return the bands without a displacement by the resistance, and a warning if the leads cannot be measured."""
     texts = lost_text(wire, resistance)
     if temperature_c < cold_c(wire, resistance):
         return texts

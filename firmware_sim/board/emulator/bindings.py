@@ -1,4 +1,4 @@
-"""The interface of the emulator's shared library, `library/emulator.h`, for ctypes."""
+"""The interface of the emulator's shared library, `chips/emulator.h`, for ctypes."""
 
 from __future__ import annotations
 

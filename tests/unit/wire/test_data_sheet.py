@@ -6,8 +6,7 @@ import pytest
 
 from smadrive.errors import ConfigError
 from smadrive.files.config import validate
-from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
-from smadrive.wire.nominal_resistance import RESISTANCE_FACTOR, resistance_caveats
+from smadrive.wire.data_sheet import RESISTANCE_FACTOR, WireDataSheet, load_data_sheet, resistance_caveats
 
 SHEET = load_data_sheet("flexinol-lt-0.15mm")
 NOMINAL_OHM = 16.5
@@ -31,9 +30,9 @@ def test_resistivity_of_other_alloys_is_accepted(resistance_ohm_per_m):
 
 
 @pytest.mark.parametrize(
-    ("share", "doubts"), [(1.0, 0), (0.9, 0), (1.4, 0), (0.4, 1), (RESISTANCE_FACTOR * 1.1, 1), (nan, 0)]
+    ("share", "count"), [(1.0, 0), (0.9, 0), (1.4, 0), (0.4, 1), (RESISTANCE_FACTOR * 1.1, 1), (nan, 0)]
 )
-def test_measured_resistance_far_from_the_data_sheet_is_a_caveat(share, doubts):
+def test_measured_resistance_far_from_the_data_sheet_is_a_caveat(share, count):
     caveats = resistance_caveats(share * NOMINAL_OHM, SHEET.heat_balance())
-    assert len(caveats) == doubts
+    assert len(caveats) == count
     assert all("resistance_ohm_per_m" in text and "16.5 Ω" in text for text in caveats)

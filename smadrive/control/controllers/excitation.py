@@ -1,15 +1,12 @@
-"""The interface of a controller, and the controller that follows a temperature path (excitation).
-
-A controller returns its setpoints and estimates together with the current, so that they can be recorded and shown.
-"""
+"""The controller of an excitation, and the largest power for a wire that is not identified yet."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from math import isfinite, nan
-from typing import NamedTuple, Protocol
 
 from smadrive.control.controllers.feedback import PIGains, TemperatureFeedback
+from smadrive.control.controllers.interface import Command
 from smadrive.errors import IdentificationError
 from smadrive.measurement import Measurement
 from smadrive.safety.temperature_band import TRANSFORMATION_C
@@ -24,43 +21,9 @@ STALLS_S = 30.0
 ENVELOPE = 2.0
 """The largest power of an excitation, as a multiple of the power that its path needs by the data sheet.
 
-For an unknown wire a failing thermocouple is detected later. This limit makes the wire overheat more slowly.
+A failing thermocouple is detected later on an unknown wire than on an identified one. With this limit the wire
+overheats more slowly until then.
 """
-
-
-class Command(NamedTuple):
-    """The commanded heater current, with setpoints, estimates and power. A value that the controller lacks is NaN.
-
-    `cooling` is the estimated heat loss, divided by the loss of the heat balance: more than 1 in a draft. `shift_c` is
-    the estimated shift of the transformation by a changed load, K.
-    `by_resistance_mm` is the displacement by the resistance of the wire, `by_resistance_sd_mm` its standard deviation.
-    `uses_resistance` is 1 while the controller uses it, otherwise 0.
-    """
-
-    commanded_a: float
-    setpoint_c: float = nan
-    setpoint_mm: float = nan
-    estimated_c: float = nan
-    estimated_mm: float = nan
-    power_w: float = nan
-    cooling: float = nan
-    shift_c: float = nan
-    by_resistance_mm: float = nan
-    by_resistance_sd_mm: float = nan
-    uses_resistance: float = 0.0
-
-
-class Controller(Protocol):
-    """Computes one command from each measurement."""
-
-    @property
-    def duration_s(self) -> float:
-        """Duration of the run in s, from the start of the loop. The value grows while a path waits."""
-        ...
-
-    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the next command. `time_s` counts from the start of the loop, `dt_s` from the last update, in s."""
-        ...
 
 
 def power_envelope_w(balance: HeatBalance, setpoint_c: float, rate_c_per_s: float) -> float:
@@ -72,7 +35,7 @@ def power_envelope_w(balance: HeatBalance, setpoint_c: float, rate_c_per_s: floa
     return ENVELOPE * (balance.power_w(setpoint_c + LAGS_C, rate_c_per_s, 0.0) + transforming)
 
 
-class TemperatureController:
+class ExcitationController:
     """Follows the temperature path of an excitation, with the nominal heat balance: the wire is not identified yet.
 
     The reading of the thermocouple counts as the temperature of the wire; the identification corrects its lag. The path

@@ -12,8 +12,8 @@ from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import sense_current
-from smadrive.wire.resistance import WireResistance
 from smadrive.wire.wire_model import WireModel, WireState
 
 DT_S, STROKE_MM = 0.05, 12.0

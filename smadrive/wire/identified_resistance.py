@@ -4,8 +4,9 @@
 
 T is the temperature of the wire and ξ the phase: the displacement as a share of the travel. f is the resistance of the
 martensite, linear in T. g is the resistance of the austenite, a natural cubic spline in T. A spline is needed because
-an R-phase in the austenite raises its resistance on cooling. Its own hysteresis of 1 to 2 K is left out. The factor
-(1 - e ξ)² is the geometry: a wire that contracts by the share e becomes shorter and thicker at a constant volume.
+an R-phase in the austenite raises its resistance on cooling. The hysteresis of the R-phase, 1 to 2 K, is left out. The
+factor (1 - e ξ)² is the geometry: a wire that contracts by the share e becomes shorter and thicker at a constant
+volume.
 
 At a known temperature, R determines ξ, because R falls (or rises) with ξ. A noise of σ_R makes an error of
 σ_R / |dR/dξ|, so the displacement is lost where dR/dξ is nearly zero. A current I measured with the noise σ_I, and a
@@ -15,6 +16,8 @@ voltage with σ_V, give
 
 A device samples (or averages) current and voltage before it answers. So U/I is the resistance a delay ago, about half
 a period of an averaging device.
+
+`WireModel.resistance_ohm` takes this model, or for a wire without it the coarser R(w) of heat_balance.py.
 """
 
 from __future__ import annotations
@@ -42,7 +45,7 @@ STEPS = 4
 """Newton steps to the phase. The resistance is nearly linear in the phase, so each step gains several digits."""
 
 CLOSE = 1e-6
-"""A smaller step to the phase is the last one: the next step would be far below this."""
+"""Newton's method ends after a step below this, because the next step would be far smaller."""
 
 LEAST_NODES = 3
 

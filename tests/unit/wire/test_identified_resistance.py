@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smadrive.errors import ModelError
-from smadrive.wire.resistance import WireResistance
+from smadrive.wire.identified_resistance import WireResistance
 
 NODES = tuple(np.linspace(30.0, 120.0, 24).tolist())
 WITH_R_PHASE = tuple(14.5 + 0.006 * (c - 70.0) + 0.6 / (1.0 + np.exp((c - 68.0) / 2.0)) for c in NODES)

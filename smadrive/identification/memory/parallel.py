@@ -1,4 +1,4 @@
-"""A wire as a mixture of a Duhem model and a Preisach plane: how its output divides between the two parts.
+"""A Duhem model and a Preisach plane in parallel: the division of the output between the two parts.
 
     y = bottom + θ x(v; μ₊, μ₋, σ₊, σ₋) + Σ_cells on_cell m_cell             θ ≥ 0, m ≥ 0
 
@@ -78,7 +78,7 @@ class _Search:
 def duhem_part(
     problem: PlaneProblem, v: FloatArray, y: FloatArray, input_range: tuple[float, float], start: FloatArray
 ) -> FloatArray:
-    """Return the output of the Duhem part of the mixture that explains the outputs `y` on the path `v` best.
+    """Return the output of the Duhem part, for the two parts that explain the outputs `y` on the path `v` best.
 
     The result, `y` and `v` have the shape (samples,). The result and `y` are in output spans. `problem` is the fit of
     the plane for the same path. The search starts at `start` (4,): the means of the heating and the cooling branch,

@@ -1,0 +1,64 @@
+"""Builds what is in C with `make`, once for each state of the sources and each set of variables.
+
+The results lie in the user's cache folder, each under a digest of its sources and variables.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
+
+from smadrive.errors import ConfigError
+
+SOURCES = ("*.c", "*.h", "Makefile")
+
+
+class Product(NamedTuple):
+    """The file `name` that `make` builds in `folder` from the files in the folders `sources`.
+
+    `subject` names it in an error. `check_tools` raises ConfigError if a tool for the build is missing.
+    """
+
+    name: str
+    subject: str
+    folder: Path
+    sources: tuple[Path, ...]
+    check_tools: Callable[[], None]
+
+
+def built(product: Product, *variables: str) -> Path:
+    """Return the path of the product, which is built if necessary. ConfigError if that fails.
+
+    `variables` are arguments of make, each as NAME=VALUE.
+    """
+    target = _cache_folder() / f"{Path(product.name).stem}-{_digest(product.sources, variables)}"
+    if not (target / product.name).exists():
+        product.check_tools()
+        _make(product, variables, target)
+    return target / product.name
+
+
+def _cache_folder() -> Path:
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "smadrive"
+
+
+def _digest(sources: tuple[Path, ...], variables: tuple[str, ...]) -> str:
+    files = sorted(path for folder in sources for pattern in SOURCES for path in folder.glob(pattern))
+    return sha256(b"\0".join((*map(str.encode, variables), *(path.read_bytes() for path in files)))).hexdigest()[:16]
+
+
+def _make(product: Product, variables: tuple[str, ...], target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=target.parent) as building:
+        command = ["make", "-s", "-C", str(product.folder), f"BUILD={building}", *variables]
+        made = subprocess.run(command, capture_output=True, text=True, check=False)
+        if made.returncode:
+            what = f"{product.subject} cannot be built"
+            raise ConfigError(what, where=product.folder, value=made.stderr.strip()[-2000:])
+        target.mkdir(exist_ok=True)
+        (Path(building) / product.name).replace(target / product.name)  # at once: no other process loads a part of it

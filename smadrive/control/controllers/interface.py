@@ -1,0 +1,46 @@
+"""The interface of every controller: one command for each measurement.
+
+A controller returns its setpoints and estimates together with the current, so that they can be recorded and shown.
+"""
+
+from __future__ import annotations
+
+from math import nan
+from typing import NamedTuple, Protocol
+
+from smadrive.measurement import Measurement
+
+
+class Command(NamedTuple):
+    """The commanded heater current, with setpoints, estimates and power. A value that the controller lacks is NaN.
+
+    `cooling` is the estimated heat loss, divided by the loss of the heat balance: more than 1 in a draft. `shift_c` is
+    the estimated shift of the transformation by a changed load, K.
+    `by_resistance_mm` is the displacement by the resistance of the wire, `by_resistance_sd_mm` its standard deviation.
+    `uses_resistance` is 1 while the controller uses it, otherwise 0.
+    """
+
+    commanded_a: float
+    setpoint_c: float = nan
+    setpoint_mm: float = nan
+    estimated_c: float = nan
+    estimated_mm: float = nan
+    power_w: float = nan
+    cooling: float = nan
+    shift_c: float = nan
+    by_resistance_mm: float = nan
+    by_resistance_sd_mm: float = nan
+    uses_resistance: float = 0.0
+
+
+class Controller(Protocol):
+    """Computes one command from each measurement."""
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of the run in s, from the start of the loop. The value grows while a path waits."""
+        ...
+
+    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
+        """Return the next command. `time_s` counts from the start of the loop, `dt_s` from the last update, in s."""
+        ...
