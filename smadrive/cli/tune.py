@@ -24,7 +24,6 @@ from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
-from smadrive.measurement import DisplacementFrom
 from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.config import RigConfig, load_rig, rig_file
 from smadrive.rig.rig import Rig
@@ -36,8 +35,9 @@ from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
-from smadrive.wire.identified_wire import IdentifiedWire, load_wire
+from smadrive.wire.identified_wire import load_wire
 from smadrive.wire.wire_model import travel_mm
+from smadrive.wire.wire_properties import WireProperties
 
 if TYPE_CHECKING:
     from smadrive.telemetry.publication import Publication
@@ -72,9 +72,8 @@ def main(
     check_bokeh()
     output = Output(as_json)
     config = load_rig(rig)
-    _check_source(config)
     wire = load_wire(model_file(config, model))
-    tuning = Tuning.of(wire.model, config.feedback, "as loaded", wire.caveats)
+    tuning = Tuning.of(wire.model, config.feedback, "as loaded", wire.caveats, config.displacement_from)
     references = _references(reference or [], wire.model)
     with (
         _named_at_the_end(output) as log_files,
@@ -83,15 +82,15 @@ def main(
         _publication(publish, config, channel, output) as publication,
         Rig(config) as open_rig,
     ):
+        properties = WireProperties(wire.heat_balance or open_rig.nominal_balance, wire.resistance)
+        _check(open_rig, properties, tuning, output)
         check_real_time(open_rig)
         if publication is not None:
             publication.on_off = lambda: open_rig.stop.request(OFF_BY_MQTT)
-        balance = wire.heat_balance or open_rig.nominal_balance
-        open_rig.check_balance(balance)
         page = TuningPage(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
         view = TuneView(config.name, page, channel)
         log_file = new_log_file(folder)
-        begun_with = IdentifiedWire(wire.model, balance)
+        begun_with = properties.identified(wire.model)
         wire_file = Path(wire.source).absolute()
         notes = {"caveats": json.dumps(wire.caveats), WIRE_FILE: str(wire_file)}
         recording = record_session(log_file, open_rig, begun_with, **notes)
@@ -100,7 +99,7 @@ def main(
         output.warn(found.caveats)
         with health_recorded(log_file, output.warn), recording as recorder:
             session = TuningSession(
-                open_rig, tuning, balance, references, channel, builder, view.tick, recorder, expected_of(wire)
+                open_rig, tuning, properties, references, channel, builder, view.tick, recorder, expected_of(wire)
             )
             if found.health is not None:
                 session.note_health(found.health)
@@ -121,16 +120,14 @@ def _publication(
     return nullcontext() if url is None else open_publication(url, config, "tune", channel, output)
 
 
-def _check_source(config: RigConfig) -> None:
-    """Raise ConfigError if the displacement does not come from a sensor: the page has no other source."""
-    if config.displacement_from is not DisplacementFrom.SENSOR:
-        raise ConfigError(
-            "the tuning page takes the displacement from a sensor, or from nothing",
-            where=f"rig '{config.name}': displacement_from",
-            value=config.displacement_from.value,
-            limit=DisplacementFrom.SENSOR.value,
-            cure="use another rig file, or `smadrive run`",
-        )
+def _check(rig: Rig, wire: WireProperties, tuning: Tuning, output: Output) -> None:
+    """Raise ConfigError if the rig's wire cannot be the identified one, or the rig cannot use its displacement source.
+
+    Warnings about the source are printed. Whether the wire is cold is checked again whenever it is armed.
+    """
+    rig.check_balance(wire.balance)
+    cold_c = wire.balance.ambient_c
+    output.warn(rig.check_sensing(wire.wire_model(tuning.model), tuning.displacement_from, cold_c))
 
 
 @contextmanager

@@ -32,7 +32,7 @@ from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_excitation_time, check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, excitation_path, tracking_controller
 from smadrive.rig.plan import plan_rig
-from smadrive.rig.sensing_checks import check_sensing
+from smadrive.rig.sensing_checks import check_sensing, check_sensor
 from smadrive.rig.supervision import supervisor
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
@@ -190,6 +190,11 @@ class Rig:
     ) -> tuple[str, ...]:
         """Return warnings about the source of the displacement. ConfigError if it is impossible; see check_sensing."""
         return check_sensing(displacement_from, self._plan.source, wire, temperature_c)
+
+    def check_chosen(self, wire: WireModel, chosen: DisplacementFrom, temperature_c: float) -> tuple[str, ...]:
+        """Return the warnings of `check_sensing`. ConfigError also if `chosen` is a sensor that the rig lacks."""
+        check_sensor(chosen, is_measured=self.measures("displacement"))
+        return self.check_sensing(wire, chosen, temperature_c)
 
     def check_balance(self, balance: HeatBalance) -> None:
         """Raise ConfigError if this heat balance cannot belong to the rig's wire; see check_same_wire."""

@@ -48,6 +48,17 @@ def check_sensing(
     return *_resolution_caveats(source, wire, wire.resistance), *_lead_caveats(wire, wire.resistance, temperature_c)
 
 
+def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
+    """Raise ConfigError if the user has chosen the sensor, and no device of the rig measures the displacement."""
+    if chosen is DisplacementFrom.SENSOR and not is_measured:
+        raise ConfigError(
+            "no device of the rig measures the displacement",
+            where=KEY,
+            value=chosen.value,
+            cure=f'choose "{DisplacementFrom.RESISTANCE}" or "{DisplacementFrom.NONE}"',
+        )
+
+
 def _check_measured(source: PlannedDevice) -> None:
     roles = source.profile.roles
     if roles.measured_current is None or roles.measured_voltage is None:

@@ -13,11 +13,10 @@ from smadrive.hysteresis import DuhemModel, IdentifiedModel, InverseFeedforward,
 from smadrive.hysteresis.model_file import model_text, parse_model
 from smadrive.identification.adaptation.adaptation import ADAPTED, Adaptation
 from smadrive.identification.reshape import BranchShape, reshaped, shape_of
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import FeedbackConfig, LimitsConfig
-from smadrive.tuning.link.requests import SetFeedback, SetModel, SetRule, SetShape
+from smadrive.tuning.link.requests import SetFeedback, SetModel, SetRule, SetShape, SetSource
 from smadrive.wire.wire_model import travel_mm
-
-CHANGES = (SetShape, SetFeedback, SetRule, SetModel)
 
 
 @dataclass(frozen=True)
@@ -27,12 +26,12 @@ class Adapted:
     adaptation: Adaptation
 
 
-Change = SetShape | SetFeedback | SetRule | SetModel | Adapted
+Change = SetShape | SetFeedback | SetSource | SetRule | SetModel | Adapted
 
 
 @dataclass(frozen=True)
 class Tuning:
-    """A model and the settings of the feedback.
+    """A model, the settings of the feedback, and the source of the displacement.
 
     `unmoved` is the model before its branches were moved, `shape` the wanted place and width of the branches, and
     `model` the model with this shape. `change` is the name of the change that made this tuning.
@@ -45,16 +44,25 @@ class Tuning:
     feedback: FeedbackConfig
     change: str
     caveats: tuple[str, ...] = ()
+    displacement_from: DisplacementFrom = DisplacementFrom.SENSOR
 
     @classmethod
-    def of(cls, model: IdentifiedModel, feedback: FeedbackConfig, change: str, caveats: tuple[str, ...] = ()) -> Tuning:
+    def of(
+        cls,
+        model: IdentifiedModel,
+        feedback: FeedbackConfig,
+        change: str,
+        caveats: tuple[str, ...] = (),
+        displacement_from: DisplacementFrom = DisplacementFrom.SENSOR,
+    ) -> Tuning:
         """Return a tuning of `model`, whose branches have not been moved."""
-        return cls(model, model, shape_of(model), feedback, change, caveats)
+        return cls(model, model, shape_of(model), feedback, change, caveats, displacement_from)
 
     def drives_as(self, other: Tuning) -> bool:
         """Return True if both tunings drive a wire in exactly the same way. The names of changes do not matter."""
         texts = [model_text(tuning.model, {}, place=tuning.change) for tuning in (self, other)]
-        return self.feedback == other.feedback and texts[0] == texts[1]
+        settings = [(tuning.feedback, tuning.displacement_from) for tuning in (self, other)]
+        return settings[0] == settings[1] and texts[0] == texts[1]
 
     def changed(self, change: Change) -> Tuning:
         """Return the tuning after a change. ConfigError, ModelError or CertificateError for an invalid change."""
@@ -65,12 +73,17 @@ class Tuning:
             case SetFeedback(key=key, value=value):
                 settings = {**self.feedback.model_dump(), key: value}
                 return replace(self, feedback=validate(settings, FeedbackConfig, where="feedback"), change=key)
+            case SetSource(displacement_from=source):
+                return replace(self, displacement_from=source, change=change.key)
             case SetRule():
-                return Tuning.of(_with_rule(self.model, change), self.feedback, _rule_name(change), self.caveats)
-            case SetModel(text=text, source=source, caveats=caveats):
-                return Tuning.of(parse_model(text, place=source), self.feedback, source, caveats)
+                return self._with_model(_with_rule(self.model, change), _rule_name(change), self.caveats)
+            case SetModel(text=text, source=place, caveats=caveats):
+                return self._with_model(parse_model(text, place=place), place, caveats)
             case Adapted(adaptation=adaptation):
-                return Tuning.of(adaptation.model, self.feedback, ADAPTED, self.caveats)
+                return self._with_model(adaptation.model, ADAPTED, self.caveats)
+
+    def _with_model(self, model: IdentifiedModel, change: str, caveats: tuple[str, ...]) -> Tuning:
+        return replace(self, model=model, unmoved=model, shape=shape_of(model), change=change, caveats=caveats)
 
     def check(self, limits: LimitsConfig, reference: Reference | None) -> None:
         """Raise an error when a wire must not be driven with this tuning.

@@ -52,6 +52,7 @@ from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_properties import WireProperties
 
 RATE_HZ, EACH_S = 50.0, 15.0
 LOAD_RATE_HZ, LOAD_S = 20.0, 20.0
@@ -110,7 +111,7 @@ def control(script, rate_hz):
                         pages.close()
             is_ending.set()
 
-        session = TuningSession(rig, tuning, BALANCE, references, channel, builder, record)
+        session = TuningSession(rig, tuning, WireProperties(BALANCE), references, channel, builder, record)
         fds = (channel.memory_fd, channel.page_socket.fileno(), theirs.fileno())
         processes = {"loop": os.getpid(), "device": simulator._process.pid, "builder": builder.pid}
         parameters = json.dumps({"fds": fds, "rate_hz": rate_hz, "processes": processes})

@@ -22,9 +22,13 @@ from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_resistance import WireResistance
+from smadrive.wire.wire_properties import WireProperties
 
 CHROMIUM = shutil.which("chromium")
 BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
+RESISTANCE = WireResistance(22.0, 16.5, 0.0, 0.0, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), (14.52,) * 3)
+WIRE = WireProperties(BALANCE, RESISTANCE)
 PATIENCE_S = 300.0
 """A test fails after this time if an expected change does not come. Usually the change comes within a second."""
 
@@ -62,7 +66,7 @@ class Session:
         builder = self._stack.enter_context(BuilderProcess())
         tuning = Tuning.of(rules(), self.rig.config.feedback, "as loaded")
         references = {"sine": sine(low_mm=2.0, high_mm=9.0, period_s=30.0, cycles=1)}
-        self.session = TuningSession(self.rig, tuning, BALANCE, references, channel, builder, self._record)
+        self.session = TuningSession(self.rig, tuning, WIRE, references, channel, builder, self._record)
         self.page = TuningPage(
             channel, port=0, token=secrets.token_urlsafe(8), rig_file=rig_file("simulated"), folder=self.folder
         )

@@ -18,6 +18,11 @@ def press(page, name):
     page.locator("button:enabled", has_text=re.compile(f"^{name}$")).dispatch_event("click")
 
 
+def choose(page, source):
+    """Press the button of a source of the displacement."""
+    page.locator(".bk-btn", has_text=re.compile(f"^{source}$")).click()
+
+
 def field(page, name):
     """Return the field of the knob whose slider has this title."""
     row = page.locator(".bk-Row", has=page.get_by_text(name))

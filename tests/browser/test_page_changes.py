@@ -3,9 +3,10 @@
 import pytest
 
 from smadrive.hysteresis import load_model
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
 
-from .page_actions import cells, field, name, opened_editor, press, turn
+from .page_actions import cells, choose, field, heat, name, opened_editor, press, turn
 
 
 def test_knob_changes_the_model_in_the_loop_and_undo_restores_it(client, live):
@@ -22,6 +23,18 @@ def test_knob_changes_the_model_in_the_loop_and_undo_restores_it(client, live):
     live.wait(lambda: abs(float(field(page, "μ heating").input_value()) - before) < 0.001)
     press(page, "Redo mu_heating")
     live.wait(lambda: live.in_force.shape.mu_heating == 91.0)
+
+
+def test_chosen_source_drives_the_wire_and_undo_takes_it_back(client, live):
+    page = client()
+    before = live.in_force.displacement_from
+    heat(page, live)
+    choose(page, "resistance")
+    live.wait(lambda: live.in_force.displacement_from is DisplacementFrom.RESISTANCE)
+    live.wait(lambda: live.ticks[-1][1].command.uses_resistance)
+    press(page, "Undo displacement_from")
+    live.wait(lambda: live.in_force.displacement_from is before)
+    page.locator(".bk-btn.bk-active", has_text=before.value).wait_for()
 
 
 def test_slider_can_be_moved_by_its_keys(client, live):

@@ -7,6 +7,7 @@ from math import inf
 
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.tracking import TrackingController
+from smadrive.control.estimation.source_selection import SourceState
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis.turning_points import Memory
 from smadrive.measurement import Measurement
@@ -41,6 +42,12 @@ class SwappableController:
         """The estimated memory of the wire; None before the first update, and for a model without memory."""
         state = self._controller.state
         return None if state is None else state.estimate.hysteresis.memory
+
+    @property
+    def source(self) -> SourceState | None:
+        """The state of the displacement's source; None before the first update."""
+        state = self._controller.state
+        return None if state is None else state.source
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Call `at_tick`, and return the command of the controller for this measurement."""

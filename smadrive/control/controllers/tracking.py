@@ -151,7 +151,8 @@ class TrackingController:
             reversal = before.state.reversal if before._reference is self._reference else None
             estimate = self._observer.adopt(before.state.estimate)
             ahead = self._observer.adopt(before.state.ahead)
-            self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead)
+            source = self._sources.adopt(before.state.source, before._sources)
+            self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead, source=source)
             self._feedback.take_over(before._feedback, self._integral_w(before, estimate.temperature_c))
 
     def _integral_w(self, before: TrackingController, temperature_c: float) -> float:

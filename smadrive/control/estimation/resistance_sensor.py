@@ -126,6 +126,10 @@ class ResistanceSensor:
         """Return True if the wire is martensite after any history."""
         return max(before.temperature_c, before.thermocouple_c) < self.cold_c
 
+    def measures_leads(self, measurement: Measurement) -> bool:
+        """Return True if the current is large enough to measure the leads of a cold wire. At rest it is zero."""
+        return measurement.current_a > 0.5 * self.cold_a
+
     def _ohm(
         self, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, slope: float, dt_s: float
     ) -> float:

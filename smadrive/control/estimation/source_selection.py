@@ -72,6 +72,11 @@ class SourceState(NamedTuple):
         """True while the resistance is the source, also in a tick whose current is too small for it."""
         return self.is_replaced or self.source is DisplacementFrom.RESISTANCE
 
+    @property
+    def in_force(self) -> DisplacementFrom:
+        """The source in force. It may differ from the chosen one, and is `NONE` while that shows nothing."""
+        return DisplacementFrom.RESISTANCE if self.needs_resistance else self.source
+
 
 class Selected(NamedTuple):
     """The displacement for the observer, `used`, and the displacement by the resistance."""
@@ -97,6 +102,15 @@ class SourceSelection:
         """Return the state before the first measurement."""
         lead = LeadChange.unknown(1.0) if self._resistance is None else self._resistance.unknown_lead()
         return SourceState(lead)
+
+    def adopt(self, state: SourceState, before: SourceSelection) -> SourceState:
+        """Return the state with which this selection continues that of `before`.
+
+        Another chosen source is judged anew. The leads stay those that were measured.
+        """
+        if before._chosen is self._chosen:
+            return state
+        return SourceState(state.lead, cold_s=state.cold_s)
 
     def start_mm(self, measurement: Measurement) -> float:
         """Return the displacement of the sensor if it is the source, otherwise NaN."""
@@ -133,8 +147,9 @@ class SourceSelection:
         trusted = sensor if is_trusted else NO_READING
         lead = self._resistance.lead(state.lead, measurement, before, ahead, trusted, dt_s)
         used = {DisplacementFrom.SENSOR: sensor, DisplacementFrom.RESISTANCE: by_resistance}.get(source, NO_READING)
+        is_cold = self._resistance.is_cold(before)
         is_replaced = state.has_sensor and source is not DisplacementFrom.SENSOR
-        cold_s = state.cold_s + dt_s if self._resistance.is_cold(before) else inf
+        cold_s = state.cold_s + dt_s * self._resistance.measures_leads(measurement) if is_cold else inf
         state = state._replace(lead=lead, source=source, is_replaced=is_replaced, cold_s=cold_s)
         return state, Selected(used, by_resistance)
 

@@ -210,10 +210,10 @@ class Adaptation:
         """End the adaptation if too many samples are rejected, or if the sensor stands still while the wire travels."""
         travel = self._travel
         if self._disbelieved > MOST_DISBELIEVED:
-            self._end("the displacement error stays larger than any likely change of the wire explains")
+            self.end("the displacement error stays larger than any likely change of the wire explains")
         elif travel.predicted > STUCK_TRAVEL:
             if travel.measured < STUCK_RANGE * travel.predicted:
-                self._end("the displacement stands still while the wire travels")
+                self.end("the displacement stands still while the wire travels")
             else:
                 self._mark(measured)
 
@@ -223,7 +223,8 @@ class Adaptation:
         self._travel = Travel(measured)
         self._marked.append(self._theta)
 
-    def _end(self, why: str) -> None:
+    def end(self, why: str) -> None:
+        """End the adaptation because of the fault `why` of a sensor, and restore earlier parameters."""
         self.sensor_fault = why
         self._theta = self._marked[0]
 

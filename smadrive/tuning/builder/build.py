@@ -16,7 +16,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.rig.config import RigConfig
 from smadrive.rig.controllers import tracking_controller
 from smadrive.tuning.tuning import Change, Tuning
-from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_properties import WireProperties
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,14 @@ class BuildRequest:
     """The request to apply `change` to `tuning`, and to build a controller that tracks `reference`.
 
     `change` is None if the tuning stays as it is. `reference` is None while the heater is off. `config` is the rig
-    file, `balance` the heat balance of the wire.
+    file, `wire` has the properties of the wire that no change alters.
     """
 
     tuning: Tuning
     change: Change | None
     reference: Reference | None
     config: RigConfig
-    balance: HeatBalance
+    wire: WireProperties
 
 
 class Built(NamedTuple):
@@ -76,13 +76,21 @@ def build(request: BuildRequest) -> Built:
     tuning.check(request.config.limits, request.reference)
     if request.reference is None:
         return Built(tuning, None, None)
-    controller = tuned_controller(tuning, request.reference, request.config, request.balance)
+    controller = tuned_controller(tuning, request.reference, request.config, request.wire)
     return Built(tuning, request.reference, controller)
 
 
 def tuned_controller(
-    tuning: Tuning, reference: Reference, config: RigConfig, balance: HeatBalance
+    tuning: Tuning, reference: Reference, config: RigConfig, wire: WireProperties
 ) -> TrackingController:
     """Return the controller that tracks `reference` with a tuning. All other settings come from the rig file."""
     tuned = config.model_copy(update={"feedback": tuning.feedback})
-    return tracking_controller(tuned, reference, tuning.model, balance, HysteresisInverse(tuning.model))
+    return tracking_controller(
+        tuned,
+        reference,
+        tuning.model,
+        wire.balance,
+        HysteresisInverse(tuning.model),
+        wire.resistance,
+        tuning.displacement_from,
+    )

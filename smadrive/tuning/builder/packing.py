@@ -106,7 +106,8 @@ def _pickled(thing: object, name: Callable[[object], Any]) -> bytes:
 
 def _shared(request: BuildRequest) -> list[object]:
     """Return the objects of a request that the builder does not change. A result refers to them by their indices."""
-    return [request.tuning, request.tuning.model, request.tuning.unmoved, request.reference]
+    tuning, wire = request.tuning, request.wire
+    return [tuning, tuning.model, tuning.unmoved, request.reference, wire.balance, wire.resistance]
 
 
 def _places(things: Sequence[object]) -> Callable[[object], int | None]:

@@ -8,12 +8,13 @@ user clicked. The control process refuses the request if an OFF was counted sinc
 from __future__ import annotations
 
 import reprlib
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
 
 from smadrive.errors import ConfigError
 from smadrive.files.config import Section
+from smadrive.measurement import DisplacementFrom
 
 Slot = Literal["A", "B"]
 ShapeKey = Literal["mu_heating", "mu_cooling", "sigma_heating", "sigma_cooling", "scale"]
@@ -93,6 +94,20 @@ class SetFeedback(SetValue):
 
     act: Literal["feedback"]
     key: FeedbackKey
+
+
+class SetSource(PageRequest):
+    """Take the displacement from another source."""
+
+    act: Literal["source"]
+    displacement_from: DisplacementFrom
+
+    key: ClassVar[str] = "displacement_from"
+
+    @property
+    def event(self) -> str:
+        """The text of the event that reports that the change is in force."""
+        return f"{self.key} = {self.displacement_from.value}"
 
 
 class SetRule(PageRequest):
@@ -180,6 +195,7 @@ AnyRequest = Annotated[
     | Hold
     | SetShape
     | SetFeedback
+    | SetSource
     | SetRule
     | SetModel
     | Note

@@ -11,6 +11,7 @@ from bokeh.models import Button, Select, Spinner, TextInput
 from smadrive.tuning.page.button_events import ButtonEvents
 from smadrive.tuning.page.knob import COMPACT, Knob
 from smadrive.tuning.page.rules_table import RulesTable
+from smadrive.tuning.page.source_choice import SourceChoice
 
 Act = Callable[..., None]
 """A function that does an action of the user: `act(name, **values)`."""
@@ -63,12 +64,14 @@ class Controls:
             widget.update(margin=(2, 3, 2, 3), stylesheets=[COMPACT])
         self._is_comparing = self._is_adapting = False
         self.rules = RulesTable(partial(act, "rule"))
+        self.source = SourceChoice(lambda source: act("source", displacement_from=source))
 
     @property
     def roots(self) -> list[Any]:
         """All widgets that the template places."""
         knobs = [knob.row for knob in self.knobs.values()]
-        return [*knobs, *self.buttons.values(), self._reference, self._spec, self._fit_s, self._name, self.rules.widget]
+        fields = self._reference, self._spec, self._fit_s, self._name
+        return [*knobs, *self.buttons.values(), *fields, self.rules.widget, self.source.widget]
 
     def enable(self, on: bool, *, status: dict[str, Any]) -> None:
         """Enable the widgets that this client can use in the present state, and disable the others.
@@ -100,6 +103,7 @@ class Controls:
         _set(self.buttons["undo"], label=f"Undo {status['undo']}" if status["undo"] else "Undo")
         _set(self.buttons["redo"], label=f"Redo {status['redo']}" if status["redo"] else "Redo")
         self.rules.enable(on and not compares)
+        self.source.enable(on and not compares)
 
     def _button(self, name: str, label: str, kind: str, pressed: Callable[[], None]) -> Button:
         button = _button(name, label, kind)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import json
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
+from dataclasses import replace
 from multiprocessing import get_context
 
 import numpy as np
@@ -160,7 +161,7 @@ def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> IdentifiedWire:
         np.concatenate((wire_c, completing_c)), np.concatenate((reached_mm, expected_mm)), settings
     )
     measured_percent = 100.0 * fit.residual[: wire_c.size] / fit.output_span
-    return IdentifiedWire(fit.model, in_force.heat_balance, (*_drifts(measured_percent), *fit.caveats))
+    return replace(in_force, model=fit.model, caveats=(*_drifts(measured_percent), *fit.caveats), source="")
 
 
 def _drifts(residual_percent: Array) -> tuple[str, ...]:

@@ -122,6 +122,7 @@ class Page:
         for name, value in {**tuning["shape"], **tuning["feedback"]}.items():
             if name in self._controls.knobs:
                 self._controls.knobs[name].show(value, now=now)
+        self._controls.source.show(tuning["displacement_from"], now=now)
 
     def _bound_knobs(self, tuning: dict[str, Any]) -> None:
         for name, knob in self._controls.knobs.items():

@@ -9,12 +9,18 @@ from typing import Any
 import numpy as np
 
 from smadrive.control.loop import LATE_FRACTION
+from smadrive.measurement import DisplacementFrom
 from smadrive.stream.samples import COLUMNS, Rows
 
 TIMED_ROWS = 1200
 SHOWN_EVENTS = 8
 COOLING_SHOWN, SHIFT_SHOWN_C = 0.15, 2.0
 """Smaller disturbances are not shown: the heat balance and the model of a calm wire have such errors, too."""
+
+SENSOR_REPLACED = (
+    "warning: the displacement sensor has failed, and the resistance of the wire replaces it; "
+    "what the sensor still shows is no measure of the error"
+)
 
 _LATE = COLUMNS.index("late_s")
 _MODES = {"off": "off", "holding": "on", "tracking": "on", "off, unconfirmed": "bad"}
@@ -43,7 +49,7 @@ class LoopTiming:
 
 
 def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: bool) -> str:
-    """Return the header line of the tuning page as HTML: heater, active limits, model, loop timing, control.
+    """Return the header line of the tuning page as HTML: heater, active limits, model, displacement, loop, control.
 
     `timing` is the text of the loop timing. `late` marks it as a warning. `controls` says that this page has control.
     """
@@ -57,11 +63,22 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
             _chip("limited by", ", ".join(limits) or "nothing", "warn" if limits else "calm"),
             _chip("model", f"{tuning['change']} · {certified}", "warn" if tuning["caveats"] else "calm"),
             *([_dropped_chip(memory)] if memory and memory["dropped"] else []),
+            *_source_chips(tuning["displacement_from"], status["displacement_in_force"]),
             *_disturbance_chips(status["cooling"], status["shift_c"]),
             _chip("loop", timing, "warn" if late else "calm"),
             _chip("this page", "controls" if controls else "watches", "on" if controls else "off"),
         ]
     )
+
+
+def _source_chips(chosen: str, in_force: str | None) -> list[str]:
+    """Return the chip of the displacement's source in force; no chip without one, while the heater is off."""
+    if in_force is None:
+        return []
+    if in_force == chosen:
+        return [_chip("displacement from", in_force, "calm")]
+    kind = "warn" if chosen == DisplacementFrom.SENSOR else "calm"
+    return [_chip("displacement from", f"{in_force}, not {chosen}", kind)]
 
 
 def _disturbance_chips(cooling: float | None, shift_c: float | None) -> list[str]:
@@ -118,6 +135,8 @@ def banner_html(status: dict[str, Any], note: str) -> str:
         lines.append(("bad", status["fault"]))
     lines += _device_lines(status, clear="press Clear faults")
     lines.extend(("note", f"warning about the model in force: {caveat}") for caveat in status["tuning"]["caveats"])
+    if status["displacement_in_force"] == DisplacementFrom.RESISTANCE != status["tuning"]["displacement_from"]:
+        lines.append(("note", SENSOR_REPLACED))
     if status["wire_warning"]:
         lines.append(("note", f"warning: {status['wire_warning']}"))
     if note:

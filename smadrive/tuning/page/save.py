@@ -36,7 +36,7 @@ def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any])
     source = f"tuned on rig '{status['rig']}', {saved}; last change: {tuning['change']}"
     metadata = {"source": source, "caveats": tuning["caveats"], "events": [text for _, text in status["events"]]}
     model_text = _model_text(tuning["wire"], metadata)
-    rig_text = _rig_text(rig_file, model_file, tuning["feedback"], source)
+    rig_text = _rig_text(rig_file, model_file, tuning, source)
     _write(model_file, model_text)
     try:
         _write(new_rig_file, rig_text)
@@ -52,13 +52,13 @@ def _model_text(wire: str, metadata: dict[str, Any]) -> str:
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
-def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], source: str) -> str:
-    """Return the text of the rig file, including comments, with the new model and the new feedback.
+def _rig_text(rig_file: Path, model_file: Path, tuning: dict[str, Any], source: str) -> str:
+    """Return the text of the rig file, including comments, with the new model, feedback and displacement source.
 
     The new rig file names the same wire file and device profiles as the old one, whatever folder it is in.
     """
     try:
-        load_rig(str(rig_file))
+        before = load_rig(str(rig_file))
     except ConfigError as error:
         raise ConfigError(
             f"the rig file cannot be loaded any more: {error.what}",
@@ -69,13 +69,15 @@ def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], sour
         ) from None
     document = tomlkit.parse(rig_file.read_text(encoding="utf-8-sig"))
     document["model"] = model_file.name
+    if tuning["displacement_from"] != before.displacement_from:
+        document["displacement_from"] = tuning["displacement_from"]
     folder = rig_file.parent.resolve()
     if folder != model_file.parent.resolve():
         document["wire"] = path_or_name(folder, document["wire"])
         for device in document["devices"]:
             device["profile"] = path_or_name(folder, device["profile"])
     section = document.setdefault("feedback", tomlkit.table())
-    for key, value in feedback.items():
+    for key, value in tuning["feedback"].items():
         section[key] = value
     return f"# {source}\n" + tomlkit.dumps(document)
 

@@ -9,6 +9,10 @@ converged.
 After another change, the adaptation restarts from the model in force. Undo takes back the whole adaptation. Undo and
 redo end the adaptation. When the displacement sensor turns out to be faulty, rules that were learnt from the fault are
 already in force. Then the rules from before the fault are put in force again, and the adaptation ends.
+
+The displacement must come from a sensor. The displacement by the resistance follows from the estimated temperature, so
+its errors would become errors of the rules. The adaptation pauses while the resistance replaces a sensor that shows
+nothing, and ends when the sensor has failed, or when the user chooses another source.
 """
 
 from __future__ import annotations
@@ -16,16 +20,20 @@ from __future__ import annotations
 from math import isfinite, nan
 
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
+from smadrive.control.estimation.source_selection import SourceState
 from smadrive.control.loop import Tick
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
 from smadrive.identification.adaptation.adaptation import ADAPTED, Adaptation
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
 PUBLISH_S = 2.0
+
+NEEDS_SENSOR = "the adaptation learns from a displacement sensor, and the displacement comes from another source"
+SENSOR_FAILED = "the displacement sensor moves differently from the model and the resistance"
 
 
 class AdaptationRunner:
@@ -54,7 +62,8 @@ class AdaptationRunner:
     def switch(self, on: bool, tuning: Tuning) -> None:
         """Switch the adaptation on or off. When it is switched on, it begins with the rules of `tuning`.
 
-        ConfigError for a model without rules, and while rules of an ended adaptation wait to be put in force.
+        ConfigError for a model without rules, for a displacement that does not come from a sensor, and while rules of
+        an ended adaptation wait to be put in force.
         """
         if self._ended is not None:
             raise ConfigError(
@@ -64,6 +73,9 @@ class AdaptationRunner:
             raise ConfigError(
                 "a Duhem model has no rules to adapt", cure="identify the wire by `smadrive identify --kind tsfuzzy`"
             )
+        if on and tuning.displacement_from is not DisplacementFrom.SENSOR:
+            source = tuning.displacement_from.value
+            raise ConfigError(NEEDS_SENSOR, where="displacement_from", value=source, cure='choose "sensor" first')
         self._adaptation = self._started_from = None
         if on and not isinstance(tuning.model, DuhemModel):
             self._adaptation, self._started_from = Adaptation(tuning.model, self._noise_c), tuning
@@ -74,17 +86,23 @@ class AdaptationRunner:
         wire = WireModel(tuning.model, self._balance)
         return WireObserver(wire, self._period_s, self._noise_c, abs(tuning.model.scale))
 
-    def update(self, tick: Tick, tuning: Tuning, *, is_heating: bool) -> str | None:
-        """Adapt the rules to a tick while the heater is on. Return the event to report if a fault ended the adaptation.
+    def update(self, tick: Tick, tuning: Tuning, source: SourceState | None = None, *, is_heating: bool) -> str | None:
+        """Adapt the rules to a tick while the heater is on. Return the event to report if the adaptation has ended.
 
-        Otherwise return None.
+        Otherwise return None. `source` is the state of the controller's displacement source.
         """
         wire_c = self._wire_c(tick.measurement)
         if self._adaptation is None or not is_heating:
             return None
+        if tuning.displacement_from is not DisplacementFrom.SENSOR:
+            self._adaptation = self._started_from = None
+            return f"adaptation ended: {NEEDS_SENSOR}"
         if tuning.change != ADAPTED and tuning is not self._started_from:
             self.switch(True, tuning)
-        self._adaptation.update(wire_c, tick.measurement.displacement_mm)
+        if source is not None and source.failed:
+            self._adaptation.end(SENSOR_FAILED)
+        is_replaced = source is not None and source.is_replaced
+        self._adaptation.update(wire_c, nan if is_replaced else tick.measurement.displacement_mm)
         if self._adaptation.sensor_fault is None:
             return None
         self._ended, self._adaptation = self._adaptation, None

@@ -33,6 +33,7 @@ from smadrive.tuning.link.requests import (
     SetModel,
     SetRule,
     SetShape,
+    SetSource,
     Step,
     Track,
 )
@@ -58,7 +59,7 @@ class Mode(Enum):
 HEATING = frozenset({Mode.HOLDING, Mode.TRACKING, Mode.COMPARING})
 OFF = frozenset(Mode) - HEATING
 
-CHANGES = (SetShape, SetFeedback, SetRule, SetModel, Step, Keep, Recall, Adapt)
+CHANGES = (SetShape, SetFeedback, SetSource, SetRule, SetModel, Step, Keep, Recall, Adapt)
 
 
 class ModeRule(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from smadrive.errors import ConfigError, SmadriveError
+from smadrive.measurement import DisplacementFrom
 from smadrive.tuning.link.requests import (
     Adapt,
     AnyRequest,
@@ -13,6 +14,7 @@ from smadrive.tuning.link.requests import (
     Keep,
     Note,
     Off,
+    SetSource,
     Step,
     numbered,
     parse_request,
@@ -24,6 +26,7 @@ from smadrive.tuning.session.idle import Idle
 from smadrive.tuning.session.modes import check_allowed
 from smadrive.tuning.session.off_path import OffPath, front_silent
 from smadrive.tuning.session.state import SessionState
+from smadrive.wire.wire_properties import WireProperties
 
 
 class RequestHandler:
@@ -36,12 +39,14 @@ class RequestHandler:
         arming: Arming,
         adaptation: AdaptationRunner,
         change_queue: ChangeQueue,
+        wire: WireProperties,
     ) -> None:
         self._state = state
         self._idle = idle
         self._arming = arming
         self._adaptation = adaptation
         self._change_queue = change_queue
+        self._wire = wire
         self._off_path = OffPath(state.channel)
 
     def check_off(self) -> None:
@@ -92,11 +97,28 @@ class RequestHandler:
     def _queue(self, request: AnyRequest) -> None:
         if isinstance(request, Step):
             self._adaptation.switch(False, self._state.tunings.in_force)
+        if isinstance(request, SetSource):
+            self._check_source(request)
         if isinstance(request, Compare) and request.on and self._adaptation.is_on:
             raise ConfigError("the adaptation would change the compared tunings", cure="stop the adaptation first")
         self._change_queue.add(request, self._state.live)
         if isinstance(request, Keep):
             self._state.report(f"slot {request.slot} keeps the tuning after '{self._state.tunings.in_force.change}'")
+
+    def _check_source(self, request: SetSource) -> None:
+        """Report the warnings about a source of the displacement. ConfigError if the rig cannot use it."""
+        wire = self._wire.wire_model(self._state.tunings.in_force.model)
+        for warning in self._state.rig.check_chosen(wire, request.displacement_from, self._leads_seen_c()):
+            self._state.report(f"warning: {warning}")
+
+    def _leads_seen_c(self) -> float:
+        """Return the temperature of the wire, °C; that of a cold wire if its leads are known or can be measured later.
+
+        A sensor in force has measured the leads. With the heater off, arming checks the temperature again.
+        """
+        live, measured = self._state.live, self._state.status.measurement
+        by_sensor = live is None or live.source is None or live.source.source is DisplacementFrom.SENSOR
+        return self._wire.balance.ambient_c if by_sensor or measured is None else measured.temperature_c
 
     def _arm(self, request: Arm) -> None:
         if self._off_path.is_silent(self._state.now_s):

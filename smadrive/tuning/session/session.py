@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from math import isfinite
+from math import isfinite, nan
 
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.swappable import SwappableController
@@ -18,7 +18,7 @@ from smadrive.control.loop import Tick, TickHandler
 from smadrive.control.references.holding import holding_reference
 from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError, SmadriveError
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.rig import Rig
 from smadrive.runs.health.assessment import health_lines
 from smadrive.runs.run_log import TickRecorder
@@ -28,7 +28,7 @@ from smadrive.safety.shutdown import ends_safe, shutdown_of
 from smadrive.stream.samples import row_of
 from smadrive.tuning.builder.build import ModelBuilder, tuned_controller
 from smadrive.tuning.link.channel import MESSAGES_PER_TICK, ControlEnd
-from smadrive.tuning.session.adaptation_runner import AdaptationRunner
+from smadrive.tuning.session.adaptation_runner import NEEDS_SENSOR, AdaptationRunner
 from smadrive.tuning.session.arming import Arming
 from smadrive.tuning.session.changes.change_queue import ChangeQueue
 from smadrive.tuning.session.changes.tunings import Tunings
@@ -42,7 +42,7 @@ from smadrive.tuning.session.status import STATUS_S, Status
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.health.drift import DRIFTED, WireHealth
 from smadrive.wire.health.expected_rest import ExpectedRest
-from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_properties import WireProperties
 
 
 class TuningSession:
@@ -57,7 +57,7 @@ class TuningSession:
         self,
         rig: Rig,
         tuning: Tuning,
-        balance: HeatBalance,
+        wire: WireProperties,
         references: Mapping[str, Reference],
         channel: ControlEnd,
         builder: ModelBuilder,
@@ -66,20 +66,21 @@ class TuningSession:
         expected: ExpectedRest | None = None,
     ) -> None:
         self._rig = rig
-        self._balance = balance
+        self._wire = wire
         self._expected = expected
         self._channel = channel
         self._record = record
         self._references = ReferenceCatalogue(references)
         self.tunings = Tunings(tuning)
-        self._change_queue = ChangeQueue(self.tunings, builder, self._references.path, rig.config, balance)
-        self._adaptation = AdaptationRunner(tuning, balance, rig.period_s, rig.config.feedback.noise_c)
-        self._log = SessionLog(recorder, balance)
-        self._status = Status(rig, self._references.names, balance, self._log)
+        self._change_queue = ChangeQueue(self.tunings, builder, self._references.path, rig.config, wire)
+        self._adaptation = AdaptationRunner(tuning, wire.balance, rig.period_s, rig.config.feedback.noise_c)
+        self._log = SessionLog(recorder, wire)
+        self._status = Status(rig, self._references.names, wire, self._log)
         self._state = SessionState(rig, channel, self.tunings, self._status, rig.clock.now_s())
         self._idle = Idle(rig, self._status)
         self._arming = Arming(self._state)
-        self._requests = RequestHandler(self._state, self._idle, self._arming, self._adaptation, self._change_queue)
+        acting = self._idle, self._arming, self._adaptation, self._change_queue
+        self._requests = RequestHandler(self._state, *acting, wire)
         self._is_served = False
         self._publish()
 
@@ -159,8 +160,13 @@ class TuningSession:
         """Return a controller that holds the wire at its displacement. SafetyError when the temperature is unknown."""
         check_thermocouple(measurement)
         tuning = self.tunings.in_force
+        wire, source = self._wire.wire_model(tuning.model), tuning.displacement_from
+        for warning in self._rig.check_sensing(wire, source, measurement.temperature_c):
+            self._state.report(f"warning: {warning}")
+        if source is not DisplacementFrom.SENSOR:
+            measurement = measurement._replace(displacement_mm=nan)
         reference = holding_reference(tuning.model, measurement)
-        controller = tuned_controller(tuning, reference, self._rig.config, self._balance)
+        controller = tuned_controller(tuning, reference, self._rig.config, self._wire)
         return SwappableController(controller, reference, self._serve)
 
     def _drive(self, live: SwappableController) -> None:
@@ -168,8 +174,11 @@ class TuningSession:
         self._state.live = live
         tuning = self.tunings.in_force
         if tuning.feedback.adapt and not self._adaptation.is_on:
-            self._adaptation.switch(True, tuning)
-        self._rig.drive(live, self._balance, self._take, tuning.model, self._stop_requested, self._expected)
+            if tuning.displacement_from is DisplacementFrom.SENSOR:
+                self._adaptation.switch(True, tuning)
+            else:
+                self._state.report(f"not adapted: {NEEDS_SENSOR}")
+        self._rig.drive(live, self._wire.balance, self._take, tuning.model, self._stop_requested, self._expected)
 
     def _fail(self, error: SmadriveError) -> None:
         """Report the fault. The rig stays connected, so that the user sees the effect of the remedy."""
@@ -188,13 +197,15 @@ class TuningSession:
         is_measured = isfinite(measurement.displacement_mm)
         reached_mm = measurement.displacement_mm if is_measured else command.estimated_mm
         self._change_queue.comparison.score(command.setpoint_mm - reached_mm)
+        self._state.note_source()
         self._adapt(tick)
         self._record(tick)
         self._log.tick(tick, measurement.time_s - self._state.began_s)
 
     def _adapt(self, tick: Tick) -> None:
-        is_heating = self._state.live is not None
-        ended = self._adaptation.update(tick, self.tunings.in_force, is_heating=is_heating)
+        live = self._state.live
+        is_heating, source = live is not None, None if live is None else live.source
+        ended = self._adaptation.update(tick, self.tunings.in_force, source, is_heating=is_heating)
         if ended is not None:
             self._state.report(ended)
         adaptation = self._adaptation.due(self._state.now_s, is_heating=is_heating)

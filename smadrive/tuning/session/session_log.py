@@ -15,8 +15,7 @@ from smadrive.runs.run_log import TickRecorder
 from smadrive.runs.session_record import in_force_event, mode_event, model_events
 from smadrive.tuning.session.modes import Mode
 from smadrive.tuning.tuning import Tuning
-from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.wire_properties import WireProperties
 
 
 class SessionLog:
@@ -25,9 +24,9 @@ class SessionLog:
     `failure` is the error that ended the writing, or None.
     """
 
-    def __init__(self, recorder: TickRecorder | None, balance: HeatBalance) -> None:
+    def __init__(self, recorder: TickRecorder | None, wire: WireProperties) -> None:
         self._recorder = recorder
-        self._balance = balance
+        self._wire = wire
         self._events: list[tuple[float, str]] = []
         self._last_s = float("-inf")
         self._mode: Mode | None = None
@@ -79,11 +78,15 @@ class SessionLog:
 
     def _note_tuning(self, time_s: float, tuning: Tuning) -> None:
         """Add an event for the tuning in force. If its model is new to the log, first add the text of the model."""
-        text = IdentifiedWire(tuning.model, self._balance).text()
+        text = self._wire.identified(tuning.model).text()
         key = sha256(text.encode()).digest()
         if key not in self._models:
             self._models[key] = len(self._models) + 1
             for event in model_events(self._models[key], text):
                 self.event(time_s, event)
-        values = {**tuning.shape._asdict(), **tuning.feedback.model_dump()}
+        values = {
+            **tuning.shape._asdict(),
+            **tuning.feedback.model_dump(),
+            "displacement_from": tuning.displacement_from.value,
+        }
         self.event(time_s, in_force_event(tuning.change, self._models[key], values))

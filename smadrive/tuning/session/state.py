@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from smadrive.control.controllers.swappable import SwappableController
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.rig import Rig
+from smadrive.runs.run_log import BY_RESISTANCE, BY_SENSOR
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.link.requests import Arm, PageRequest
 from smadrive.tuning.session.changes.tunings import Tunings
@@ -19,7 +21,7 @@ class SessionState:
 
     `began_s` is the time of the clock at the start. `live` is the controller while the control loop runs, otherwise
     None. `arm_request` is the request to arm that waits, or None. `stop_requested` ends the loop before its next
-    exchange.
+    exchange. `is_sensor_replaced` is True while the resistance replaces a displacement sensor that has failed.
     """
 
     rig: Rig
@@ -31,6 +33,7 @@ class SessionState:
     arm_request: Arm | None = None
     arm_requested_s: float = 0.0
     stop_requested: bool = False
+    is_sensor_replaced: bool = False
 
     @property
     def now_s(self) -> float:
@@ -56,6 +59,15 @@ class SessionState:
     def report(self, event: str) -> None:
         """Add an event, with the present time, to the events that all pages show."""
         self.status.add_event(self.now_s, event)
+
+    def note_source(self) -> None:
+        """Report when the resistance replaces a displacement sensor that has failed, or gives way to it again."""
+        source = None if self.live is None else self.live.source
+        was_replaced, self.is_sensor_replaced = self.is_sensor_replaced, source is not None and source.is_replaced
+        if self.is_sensor_replaced and not was_replaced:
+            self.report(BY_RESISTANCE)
+        if was_replaced and source is not None and source.source is DisplacementFrom.SENSOR:
+            self.report(BY_SENSOR)
 
     def answer(self, request: PageRequest | None, refused: str | None) -> None:
         """Send the answer to `request`; do nothing if it is None. `refused` is the reason for a refusal, or None.

@@ -19,9 +19,8 @@ from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.modes import Mode
 from smadrive.tuning.session.session_log import SessionLog
 from smadrive.tuning.tuning import Tuning
-from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
+from smadrive.wire.wire_properties import WireProperties
 
 STATUS_S = 0.1
 """The status is published with this period."""
@@ -44,7 +43,7 @@ class Status:
     "unconfirmed".
     """
 
-    def __init__(self, rig: Rig, references: list[str], balance: HeatBalance, log: SessionLog) -> None:
+    def __init__(self, rig: Rig, references: list[str], wire: WireProperties, log: SessionLog) -> None:
         self._log = log
         self.fault: str | None = None
         self.fault_type: str | None = None
@@ -57,7 +56,7 @@ class Status:
         self.events: deque[tuple[float, str]] = deque(maxlen=MAX_EVENTS)
         self._config, self._identities = rig.config, rig.identities
         self._fixed = {"began_unix_s": time.time(), "references": references}
-        self._balance = balance
+        self._wire = wire
         self._described: tuple[Tuning, dict[str, Any]] | None = None
 
     def add_event(self, time_s: float, event: str) -> None:
@@ -85,7 +84,7 @@ class Status:
         self, mode: Mode, tunings: Tunings, live: SwappableController | None, *, adapts: bool
     ) -> dict[str, Any]:
         """Return the status as values that JSON can hold. `live` is the controller that runs, or None."""
-        memory = None if live is None else live.memory
+        memory, source = (None, None) if live is None else (live.memory, live.source)
         return {
             **common_status(self._config, self._identities, self.measurement),
             **self._fixed,
@@ -101,6 +100,7 @@ class Status:
             "redo": tunings.history.redo_name,
             "comparison": _comparison(tunings.comparison),
             "adapts": adapts,
+            "displacement_in_force": None if source is None else source.in_force.value,
             "cooling": None if live is None else _rounded(live.command.cooling, 2),
             "shift_c": None if live is None else _rounded(live.command.shift_c, 1),
             "turning_points": None if memory is None else _turning_points(memory),
@@ -112,9 +112,10 @@ class Status:
         if self._described is None or self._described[0] is not tuning:
             certificate = tuning.model.certificate()
             document = {
-                "wire": IdentifiedWire(tuning.model, self._balance).text(),
+                "wire": self._wire.identified(tuning.model).text(),
                 "shape": tuning.shape._asdict(),
                 "feedback": tuning.feedback.model_dump(),
+                "displacement_from": tuning.displacement_from.value,
                 "change": tuning.change,
                 "caveats": list(tuning.caveats),
                 "travel_mm": travel_mm(tuning.model),

@@ -361,6 +361,7 @@ WRONG = [
     ("data that is a page", ("identify", "link.html", *STRAIN), 2, "link.html: neither a log nor a CSV"),
     ("a demo among other files", ("demo", "-o", "."), 2, "is not empty"),
     ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "the time of sim:// is virtual"),
+    ("tuning without a resistance", ("tune", "by.toml", "--model", "loop.json"), 2, "the model file has no resistance"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
     ("a rig that is a pipe", ("probe", "pipe.toml"), 2, "pipe.toml: is a pipe, not a regular file. Give"),
     ("an endless table", ("simulate", "loop.json", "/dev/zero", "-o", "o.csv"), 2, "/dev/zero: is a device, not a reg"),
@@ -388,6 +389,8 @@ def test_error_is_one_line_with_its_exit_code_and_writes_nothing(data, arguments
     wire = (CONFIGS / "wires" / "flexinol-lt-0.15mm.toml").read_text()
     (data / "metres-wire.toml").write_text(wire.replace("diameter_mm = 0.15", "diameter_mm = 0.15e-3"))
     (data / "limits.toml").write_text(rig_text("temperature_max_c = 135.0", "temperature_max_c = 110.0"))
+    by_resistance = 'rate_hz = 20.0\ndisplacement_from = "resistance"'
+    (data / "by.toml").write_text(rig_text("rate_hz = 20.0", by_resistance, rig="in-process"))
     (data / "rig.toml").write_text((CONFIGS / "rigs" / "simulated.toml").read_text())
     (data / "text.md").write_text("# Notes\n\nNo, nothing.\n")
     (data / "wire.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"nitinol"'))

@@ -9,6 +9,7 @@ import tomlkit
 
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.shipped import configs_dir
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.switching_off.off_config import load_off_config
 from smadrive.tuning.page.save import save_tuning
@@ -49,6 +50,7 @@ TUNED = {
         "wire": json.dumps({"provenance": {}}),
         "change": "none",
         "feedback": {"closed_loop_s": 0.5},
+        "displacement_from": "resistance",
         "caveats": ["it drifts"],
     },
     "rig": "r",
@@ -66,6 +68,7 @@ def test_saved_tuning_finds_the_files_of_the_rig(folder, place):
     assert saved.model == str(model)
     assert load_data_sheet(saved.wire).heat_balance().heat_capacity_j_per_k > 0.0
     assert saved.feedback.closed_loop_s == 0.5
+    assert saved.displacement_from is DisplacementFrom.RESISTANCE
 
 
 @pytest.mark.parametrize(

@@ -13,13 +13,14 @@ from smadrive.control.references.shapes import sine
 from smadrive.errors import SmadriveError
 from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
 from smadrive.hysteresis.fuzzy import TriangularSets
-from smadrive.rig.config import FeedbackConfig, load_rig
+from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.tuning.builder.build import BuildFailure, build
 from smadrive.tuning.link.channel import ControlEnd, PageEnd
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_properties import WireProperties
 
 BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
 REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1)
@@ -73,6 +74,7 @@ class TunedRig:
         self.control = control
         self.page = PageEnd(self.control.memory_fd, self.control.page_socket)
         self.model = model
+        self.properties = WireProperties(BALANCE)
         self.builder = DirectBuilder()
         self.ticks = []
         self.wire = []
@@ -122,12 +124,16 @@ class TunedRig:
             suppress(Ended),
             Rig(self._config(), None, {"board": self.device.transport(self.clock)}, self.trace_folder) as rig,
         ):
-            tuning = Tuning.of(self.model, FeedbackConfig(), "as identified")
+            tuning = self.tuning(rig.config)
             references = {"sine": REFERENCE}
-            given = rig, tuning, BALANCE, references, self.control, self.builder, record
+            given = rig, tuning, self.properties, references, self.control, self.builder, record
             with self.recording(rig) as recorder:
                 self.session = TuningSession(*given, recorder)
                 self.session.run()
+
+    def tuning(self, config):
+        """Return the tuning at the start of a session with this rig file."""
+        return Tuning.of(self.model, config.feedback, "as identified", (), config.displacement_from)
 
     def _config(self):
         config = load_rig("in-process")

@@ -19,7 +19,7 @@ from smadrive.tuning.session.changes.comparison_runner import ComparisonRunner
 from smadrive.tuning.session.changes.jobs import ChangeJob, Job, ReferenceLookup, job_of
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.tuning import Adapted
-from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_properties import WireProperties
 
 MAX_WAITING = 8
 
@@ -31,13 +31,13 @@ class ChangeQueue:
     """The jobs that wait, and the job that is being built. `path` returns a reference (see jobs.ReferenceLookup)."""
 
     def __init__(
-        self, tunings: Tunings, builder: ModelBuilder, path: ReferenceLookup, config: RigConfig, balance: HeatBalance
+        self, tunings: Tunings, builder: ModelBuilder, path: ReferenceLookup, config: RigConfig, wire: WireProperties
     ) -> None:
         self._tunings = tunings
         self._builder = builder
         self._path = path
         self._config = config
-        self._balance = balance
+        self._wire = wire
         self.comparison = ComparisonRunner(tunings, self._queue)
         self._waiting: deque[Job] = deque()
         self._job: Job | None = None
@@ -126,7 +126,7 @@ class ChangeQueue:
         except SmadriveError as error:
             yield from self._refuse(job, str(error))
             return
-        self._builder.begin(BuildRequest(*target, self._config, self._balance))
+        self._builder.begin(BuildRequest(*target, self._config, self._wire))
         self._job, self._is_building = job, True
 
     def _finish(self, job: Job, result: BuildResult, live: SwappableController | None, now_s: float) -> Iterator[str]:

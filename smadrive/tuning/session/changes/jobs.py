@@ -20,6 +20,7 @@ from smadrive.tuning.link.requests import (
     SetModel,
     SetRule,
     SetShape,
+    SetSource,
     SetValue,
     Step,
     Track,
@@ -164,7 +165,7 @@ class TurnJob(Job):
 def job_of(request: AnyRequest, tunings: Tunings, path: ReferenceLookup) -> Job:
     """Return the job that a request needs. ConfigError when a slot is empty, or when the request needs no job."""
     match request:
-        case SetShape() | SetFeedback() | SetRule() | SetModel():
+        case SetShape() | SetFeedback() | SetSource() | SetRule() | SetModel():
             return ChangeJob(request, request.event, change=request)
         case Track(reference=name):
             return FollowJob(request, f"following {name}", path=path, name=name)

@@ -16,6 +16,7 @@ from smadrive.tuning.builder.build import BuildFailure, BuildRequest, build
 from smadrive.tuning.link.requests import SetFeedback, SetShape
 from smadrive.tuning.processes import BuilderProcess
 from smadrive.tuning.tuning import Adapted, Tuning
+from smadrive.wire.wire_properties import WireProperties
 from tests.unit.tuning.conftest import BALANCE, REFERENCE, true_wire
 
 LONG_REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=300.0, cycles=2)
@@ -25,7 +26,7 @@ CENTRES = (40.0, 60.0, 70.0, 75.0, 80.0, 85.0, 90.0, 100.0, 120.0)
 def build_request(change, *, reference=REFERENCE):
     config = load_rig("in-process")
     tuning = Tuning.of(TSFuzzyDuhem.from_duhem(true_wire(), TriangularSets(CENTRES)), config.feedback, "as loaded")
-    return BuildRequest(tuning, change, reference, config, BALANCE)
+    return BuildRequest(tuning, change, reference, config, WireProperties(BALANCE))
 
 
 def moved(mu_heating):
@@ -72,7 +73,7 @@ def test_loop_gets_its_own_objects_back(builder):
     assert shaped.reference is request.reference
     assert shaped.tuning.unmoved is request.tuning.unmoved
     slower = SetFeedback(number=2, act="feedback", key="closed_loop_s", value=0.5)
-    result = result_of(builder, BuildRequest(shaped.tuning, slower, REFERENCE, request.config, BALANCE))
+    result = result_of(builder, BuildRequest(shaped.tuning, slower, REFERENCE, request.config, WireProperties(BALANCE)))
     assert result.tuning.model is shaped.tuning.model
     assert result.tuning.feedback.closed_loop_s == 0.5
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 from bokeh.document import Document
 from bokeh.events import ButtonClick
-from bokeh.models import Button, ColumnDataSource, Slider, Spinner
+from bokeh.models import Button, ColumnDataSource, RadioButtonGroup, Slider, Spinner
 from bokeh.server.callbacks import NextTickCallback
 
 from smadrive.rig.config import rig_file
@@ -29,7 +29,16 @@ def turn(number):
     number.value += 0.01
 
 
-CHANGES = {(Slider, "value"): turn, (Spinner, "value"): turn, (ColumnDataSource, "data"): edit_rule}
+def press_next(buttons):
+    buttons.active = (buttons.active + 1) % len(buttons.labels)
+
+
+CHANGES = {
+    (Slider, "value"): turn,
+    (Spinner, "value"): turn,
+    (ColumnDataSource, "data"): edit_rule,
+    (RadioButtonGroup, "active"): press_next,
+}
 """Functions that change a value of a widget, as a user does. A new kind of widget needs a line here."""
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from smadrive.tuning.page.panel import scores_html
+from smadrive.tuning.page.panel import SENSOR_REPLACED, banner_html, chips_html, scores_html
 
 
 @pytest.mark.parametrize(("scored", "text"), [(0, "not scored"), (1, "RMS, 1 turn<"), (2, "RMS, 2 turns<")])
@@ -10,3 +10,23 @@ def test_turns_of_a_comparison_are_counted(scored, text):
     mean_percent = 1.5 if scored else None
     comparison = {"scores": {slot: [mean_percent, scored] for slot in "AB"}, "slots": {}, "turn": None}
     assert scores_html(comparison).count(text) == 2
+
+
+@pytest.mark.parametrize(
+    ("chosen", "in_force", "text", "is_replaced"),
+    [
+        ("sensor", None, None, False),
+        ("sensor", "sensor", 'calm"><i>displacement from</i><b>sensor<', False),
+        ("sensor", "resistance", 'warn"><i>displacement from</i><b>resistance, not sensor<', True),
+        ("sensor", "none", 'warn"><i>displacement from</i><b>none, not sensor<', False),
+        ("resistance", "none", 'calm"><i>displacement from</i><b>none, not resistance<', False),
+        ("resistance", "resistance", 'calm"><i>displacement from</i><b>resistance<', False),
+    ],
+)
+def test_source_in_force_is_named_and_a_failed_sensor_warned_of(rig, chosen, in_force, text, is_replaced):
+    rig.run(until_s=0.2)
+    tuning = {**rig.status["tuning"], "displacement_from": chosen}
+    status = {**rig.status, "tuning": tuning, "displacement_in_force": in_force}
+    chips = chips_html(status, "", late=False, controls=True)
+    assert text in chips if text else "displacement from" not in chips
+    assert (SENSOR_REPLACED in banner_html(status, "")) is is_replaced
