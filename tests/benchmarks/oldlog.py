@@ -23,6 +23,7 @@ def to_layout_1(path):
                 _rename(file, new, old)
         for column in entry["data"].values():
             del column.attrs["long_name"]
+        _write_version(entry)
         _write_checksums(entry)
 
 
@@ -36,7 +37,13 @@ def without_checksums(path):
             text = file[name].asstr()[()]
             del file[name]
             file[name] = text
-        file["entry/program_name"].attrs["version"] = "0.1.0"
+        _write_version(file["entry"])
+
+
+def _write_version(entry):
+    """Write the version whose logs had this layout, as a text of fixed length if the log has checksums."""
+    attributes = entry["program_name"].attrs
+    attributes["version"] = np.bytes_("0.1.0") if "checksums" in entry else "0.1.0"
 
 
 def _rename(file, name, old):

@@ -176,7 +176,8 @@ def test_time_that_does_not_increase_is_refused(tmp_path, times_s):
 
 def test_log_without_checksums_is_read_with_a_warning(sound, unchecked):
     old, new = read_log(unchecked), read_log(sound)
-    assert content(old) == content(new)
+    assert content(old)[:-1] == content(new)[:-1]
+    assert old.version == "0.1.0"
     assert new.caveats == ()
     assert len(old.caveats) == 1
 
