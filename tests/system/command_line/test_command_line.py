@@ -89,6 +89,7 @@ def test_identify_simulate_and_invert_work_on_files(data):
     np.testing.assert_allclose(got, expected, atol=1e-8 * 0.04)
 
 
+@pytest.mark.exhaustive
 def test_column_in_another_unit_is_a_caveat_of_fit_model_and_page(data):
     lines = (data / "wire.csv").read_text().splitlines()[1:]
     cells = [line.split(",") for line in lines]
@@ -229,6 +230,7 @@ def test_tripped_excitation_prints_its_metrics_until_the_trip_and_the_trip(limit
     assert (result["plan"], result["reversal_curves"]) == ("nested", 20)
 
 
+@pytest.mark.exhaustive
 def test_excitation_is_announced_with_plan_curves_and_duration(tmp_path):
     planned = 'rate_c_per_s = 6.0\nplan = "forc"\nduration_s = 300.0'
     (tmp_path / "forc.toml").write_text(rig_text("rate_c_per_s = 6.0", planned, rig="in-process"))
@@ -424,6 +426,7 @@ def contents(folder):
     return {file.name: file.read_bytes() if file.is_file() else None for file in folder.iterdir()}
 
 
+@pytest.mark.exhaustive
 def test_linear_algebra_starts_no_threads(tmp_path):
     script = (
         "import os, sys\n"

@@ -143,6 +143,7 @@ def test_long_event_is_shown_whole(recorder):
     assert message in " ".join(line.plain.strip() for line in lines)
 
 
+@pytest.mark.exhaustive
 def test_spinner_vanishes(tmp_path, identified):
     log = str(identified.log.path)
     seen = on_a_terminal("identify", log, "-o", "wire.json", cwd=tmp_path)

@@ -203,7 +203,7 @@ def test_two_requests_at_once_both_confirm_the_heater_off(heated):
     "arguments",
     [
         ("excite", "rig.toml", "-o", "log.h5"),
-        ("tune", "rig.toml", "--model", "wire.json", "--port", "0", "--no-browser"),
+        exhaustive(("tune", "rig.toml", "--model", "wire.json", "--port", "0", "--no-browser")),
     ],
     ids=lambda arguments: arguments[0],
 )

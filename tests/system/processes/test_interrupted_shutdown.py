@@ -134,6 +134,7 @@ def test_third_signal_ends_the_attempts_but_hides_neither_trip_nor_outcome(drive
     assert len(driver.frames()) <= before + 2
 
 
+@pytest.mark.exhaustive
 def test_interrupted_run_with_a_silent_device_reports_its_outcome(driver):
     driver.send(signal.SIGINT)
     driver.simulator.send_signal(signal.SIGSTOP)

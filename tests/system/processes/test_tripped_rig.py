@@ -106,6 +106,7 @@ def test_another_board_that_gets_the_port_of_a_tripped_one_may_heat(tmp_path):
         assert not is_tripped(url, None)
 
 
+@pytest.mark.exhaustive
 def test_a_simulator_that_gets_the_terminal_of_a_tripped_one_may_heat():
     with ServedSimulator("flexinol-lt-0.15mm") as first:
         trip_at(first.url, first.clock)

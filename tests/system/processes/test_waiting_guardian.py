@@ -113,6 +113,7 @@ def events(process):
 
 
 @pytest.mark.parametrize("way_in", ["--pty", exhaustive("--rtu-tcp")])
+@pytest.mark.exhaustive
 def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_waits(stage, way_in):
     at = str(stage.folder / "port") if way_in == "--pty" else "0"
     supply, url = stage.serve("riden-rd60xx", 77, way_in, at)

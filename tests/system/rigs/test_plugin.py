@@ -37,6 +37,7 @@ def test_the_example_of_the_guide_passes(pytester):
     pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=3)
 
 
+@pytest.mark.exhaustive
 def test_own_rig_file_is_simulated_whatever_devices_it_names(pytester):
     rig = (Path(__file__).parents[3] / "configs" / "rigs" / "simulated.toml").read_text()
     own = pytester.path / "mine.toml"
@@ -66,6 +67,7 @@ def test_a_conftest_that_still_loads_the_plugin_works(pytester):
     pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=1)
 
 
+@pytest.mark.exhaustive
 def test_fixtures_are_listed_with_their_descriptions(pytester):
     result = pytester.runpytest_subprocess("--fixtures", "-p", "no:cacheprovider")
     result.stdout.fnmatch_lines(["sma_faults -- *", "    The faults of*", "sma_rig -- *", "    A rig whose*"])

@@ -202,7 +202,11 @@ class Scene:
 @pytest.mark.parametrize(
     ("config", "case"),
     [
-        pytest.param(config, case, id=f"{kind}-{case.name}-{'-'.join(map(str, case.parameters.values()))}")
+        pytest.param(
+            *(config, case),
+            id=f"{kind}-{case.name}-{'-'.join(map(str, case.parameters.values()))}",
+            marks=[pytest.mark.exhaustive] if kind == "supply" and case in unsteady() else [],
+        )
         for kind, config, cases in (("board", board_rig, boards()), ("supply", supply_rig, supplies()))
         for case in cases
     ],

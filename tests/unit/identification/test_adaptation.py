@@ -105,6 +105,7 @@ def test_spikes_are_rejected(rules):
     assert rms(adapted) < rms(fixed) + 1.0
 
 
+@pytest.mark.exhaustive
 def test_displaced_sensor_ends_the_adaptation(rules):
     fixed, adapted, adaptation = follow(rules, shown=lambda share, reached_mm: reached_mm + 4.0 * (share > 0.5))
     assert adaptation.sensor_fault

@@ -36,7 +36,7 @@ def columns(name):
         exhaustive("flexinol_isobaric/100MPa", 0.4, 3.5),
         ("flexinol_isobaric/172MPa", 0.4, 3.5),
         exhaustive("nitihf_isobaric/100MPa", 1.0, 10.0),
-        ("nitihf_isobaric/300MPa", 1.0, 10.0),
+        exhaustive("nitihf_isobaric/300MPa", 1.0, 10.0),
     ],
 )
 def test_fit_with_twenty_two_rules_is_accurate(name, rms_percent, max_percent):

@@ -7,6 +7,7 @@ import sys
 import h5py
 import numpy as np
 import pytest
+from marks import exhaustive
 
 from smadrive.errors import DataError
 from smadrive.runs.log.layout import EVENT_ROWS
@@ -179,7 +180,9 @@ def in_a_child(path, count, expected, limit=0):
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
-@pytest.mark.parametrize(("count", "expected"), [(ROWS_PER_S + 1, 50), (213, 5000), (GROWTH_ROWS + 1100, 100)])
+@pytest.mark.parametrize(
+    ("count", "expected"), [exhaustive(ROWS_PER_S + 1, 50), exhaustive(213, 5000), (GROWTH_ROWS + 1100, 100)]
+)
 def test_killed_writer_loses_at_most_a_second(tmp_path, count, expected):
     path = tmp_path / "run.h5"
     assert in_a_child(path, count, expected).returncode == -signal.SIGKILL

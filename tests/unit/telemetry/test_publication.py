@@ -115,6 +115,7 @@ def test_samples_wait_for_a_broker_that_is_away(broker, end):
     assert published.counts.connections == 2
 
 
+@pytest.mark.exhaustive
 def test_killed_publisher_is_restarted_and_continues(broker):
     with Subscriber(broker) as subscriber, Published(broker) as published:
         published.tick(20)

@@ -28,7 +28,7 @@ def fuzzed(config, seed, numbered, exchanges, *, plain_is_sure=True, **beyond):
     return Fuzzer(client, seed, TIMING, plain_is_sure=plain_is_sure).run(exchanges), client.counters
 
 
-@pytest.mark.parametrize("numbered", [False, True], ids=["rtu", "tcp"])
+@pytest.mark.parametrize("numbered", [False, exhaustive(True)], ids=["rtu", "tcp"])
 @pytest.mark.parametrize("seed", [1, exhaustive(2)])
 def test_random_faults_cause_typed_errors_only_and_no_wrong_value(config, seed, numbered):
     figures, counters = fuzzed(config, seed, numbered, 5000, copies=numbered)
@@ -40,7 +40,7 @@ def test_random_faults_cause_typed_errors_only_and_no_wrong_value(config, seed, 
     assert counters.probes > 0
 
 
-@pytest.mark.parametrize("numbered", [False, True], ids=["rtu", "tcp"])
+@pytest.mark.parametrize("numbered", [False, exhaustive(True)], ids=["rtu", "tcp"])
 def test_proved_reads_are_correct_despite_undetectable_faults(config, numbered):
     """Unsolicited copies behind the next request, and replies that repeat the previous one."""
     figures, _ = fuzzed(config, 3, numbered, 5000, plain_is_sure=False, copies=True, lag=True)

@@ -42,6 +42,7 @@ def test_record_that_the_model_misses_gives_a_caveat_with_the_error():
     assert f"{fit.rms_percent:.1f} %" in caveat
 
 
+@pytest.mark.exhaustive
 def test_superfluous_components_give_a_caveat(noisy):
     caveats = identify_duhem(PATH, noisy, components=3).caveats
     assert any("3 Gaussians of the heating branch" in caveat for caveat in caveats)

@@ -90,6 +90,7 @@ def test_branch_so_narrow_that_its_density_underflows_is_fitted():
     assert identify_tsfuzzy(v, true.simulate(v)).rms_percent < 5.0
 
 
+@pytest.mark.exhaustive
 def test_centres_can_be_given(noisy_record):
     v, y, _, _ = noisy_record
     centres = [40.0, 60.0, 70.0, 75.0, 80.0, 88.0, 92.0, 96.0, 101.0, 110.0, 130.0]

@@ -4,9 +4,12 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 PATIENCE_S = 60.0
 
 
+@pytest.mark.exhaustive
 def test_page_process_ends_while_it_waits_for_a_status(control, tmp_path):
     """Nothing has been published on this channel."""
     fds = control.memory_fd, control.page_socket.fileno()

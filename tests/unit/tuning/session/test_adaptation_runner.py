@@ -52,6 +52,7 @@ def test_rules_from_before_a_sensor_fault_are_put_in_force_again(faulty_rig, off
 @pytest.mark.parametrize(
     ("act", "values"), [exhaustive("adapt", {"on": True}), exhaustive("adapt", {"on": False}), ("undo", {})]
 )
+@pytest.mark.exhaustive
 def test_waiting_rules_of_an_ended_adaptation_are_put_in_force(faulty_rig, act, values):
     """A slider that is moved when the adaptation ends delays its rules."""
     faulty_rig.at(FOUND_S, "feedback", key="closed_loop_s", value=0.3)
@@ -79,6 +80,7 @@ def test_comparison_and_adaptation_exclude_each_other(ruled_rig):
 
 
 @pytest.mark.parametrize("at_s", [*map(exhaustive, (2.5, 3.5)), 3.0])
+@pytest.mark.exhaustive
 def test_adaptation_begun_while_a_healthy_wire_heats_up_leaves_the_rules(rig, at_s):
     """At this time the wire rises by 50 K within a second, and its thermocouple shows the rise later."""
     sets = TriangularSets(tuple(np.linspace(50.0, 110.0, 31).tolist()))

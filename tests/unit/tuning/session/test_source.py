@@ -211,6 +211,7 @@ def test_adaptation_of_the_rig_file_does_not_keep_a_wire_without_sensor_from_bei
     assert f"not adapted: {NEEDS_SENSOR}" in events(rig)
 
 
+@pytest.mark.exhaustive
 def test_sensor_that_slips_ends_the_adaptation_with_the_rules_from_before(adapting_rig):
     rig = tracked(adapting_rig)
     rig.at(3.0, "adapt", on=True)
@@ -222,6 +223,7 @@ def test_sensor_that_slips_ends_the_adaptation_with_the_rules_from_before(adapti
     assert true_rms_percent(rig, 18.0, 20.0) < 1.0
 
 
+@pytest.mark.exhaustive
 def test_log_holds_the_source_and_the_resistance_of_each_model(resistive_rig, tmp_path):
     rig = resistive_rig
     path = tmp_path / "tuning.h5"
