@@ -166,7 +166,7 @@ def _timing(log: Log) -> Plot:
     return Plot(
         "Loop timing",
         figure,
-        f"{lateness}, nominally {period_ms:g} ms; a lost exchange leaves a gap of two periods.",
+        f"{lateness}, nominally {period_ms:g} ms; each lost exchange or skipped deadline adds a period.",
     )
 
 
