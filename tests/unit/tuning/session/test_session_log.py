@@ -182,6 +182,7 @@ def test_report_shows_states_and_changes_and_no_tracking_metric(logged, tmp_path
     page = (tmp_path / "tuning.html").read_text()
     assert np.isnan(summary.rms_percent)
     assert "RMS error" not in page
+    assert "There is no reference" not in page
     for text in ("tuning session", "Changes", "mu_heating = 90.5", "Model 2", "mode: tracking"):
         assert text in page
     assert "part 1 of" not in page
