@@ -59,7 +59,8 @@ def main(
     given = (log, current_a, voltage_v)
     if action is BoardAction.CHECK:
         if given != (None, None, None):
-            raise ConfigError("these options belong to calibrate", where="--log, --current, --voltage")
+            where, cure = "--log, --current, --voltage", f"leave them out, or write smadrive board calibrate {port}"
+            raise ConfigError("these options belong to calibrate", where=where, cure=cure)
         _check(output, port)
     elif log is None or current_a is None or voltage_v is None:
         cure = "record the log with `smadrive heat RIG --current 0.3 --for 60`, and give what the multimeters show"

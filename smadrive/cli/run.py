@@ -146,7 +146,7 @@ def _resumed(
     options = {"--reference": reference, "--model": model, "--repeat": repeat}
     for option, value in options.items():
         if value is not None:
-            what, cure = "--resume takes this value from the log", "leave the option out"
+            what, cure = "does not go with --resume, which continues what its log holds", "leave the option out"
             raise ConfigError(what, where=option, value=value, cure=cure)
     return _Given(*continuation_of(resume, config))
 

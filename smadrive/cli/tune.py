@@ -20,12 +20,13 @@ from smadrive.cli.live.publishing import OFF_BY_MQTT, Publish, open_publication
 from smadrive.cli.parsing.options import PAGE_PORT, RigFile, model_file
 from smadrive.cli.terminal.output import AsJson, Output, make_folder
 from smadrive.cli.views.tune_view import TuneView, watched
+from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.real_time import use_real_time_scheduling
-from smadrive.rig.config import RigConfig, load_rig, rig_file
+from smadrive.rig.config import LimitsConfig, RigConfig, load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import read_reference
 from smadrive.runs.health.assessment import assess, expected_of
@@ -74,7 +75,7 @@ def main(
     config = load_rig(rig)
     wire = load_wire(model_file(config, model))
     tuning = Tuning.of(wire.model, config.feedback, "as loaded", wire.caveats, config.displacement_from)
-    references = _references(reference or [], wire.model)
+    references = _references(reference or [], wire.model, config.limits)
     with (
         _named_at_the_end(output) as log_files,
         BuilderProcess() as builder,
@@ -151,11 +152,12 @@ def new_log_file(folder: Path) -> Path:
     return next(path for path in (folder / file for file in names) if not os.path.lexists(path))
 
 
-def _references(given: list[str], wire: HysteresisModel) -> dict[str, Reference]:
+def _references(given: list[str], wire: HysteresisModel, limits: LimitsConfig) -> dict[str, Reference]:
     ends_mm = travel_mm(wire)
     references = {text: read_reference(text) for text in given}
     for one in references.values():
         one.check_within(ends_mm)
+        check_rig_limits(one.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
     if references:
         return references
     cold_mm, hot_mm = ends_mm

@@ -115,7 +115,7 @@ class Feasibility:
             caveats.append(f"{slow} mm per hour on average; are its times in seconds?")
         if self.hot_start_mm is not None:
             start = f"the reference begins at its hot end, {self.hot_start_mm:.3g} mm"
-            caveats.append(f"{start}, so the wire is heated there first; are low_mm and high_mm swapped?")
+            caveats.append(f"{start}, so the wire is heated there first; check low_mm and high_mm")
         if not self.feasible:
             caveats.append(f"the reference was smoothed, and all errors refer to the smoothed reference: {self}")
         return tuple(caveats)

@@ -7,7 +7,7 @@ must not make a hot wire look cold.
 from __future__ import annotations
 
 from datetime import date
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from pydantic import Field
 
@@ -44,6 +44,8 @@ class SensorCalibration(Section):
 
     Uncertainties are expanded (k = 2). An unknown uncertainty is None.
     """
+
+    source_of_keys: ClassVar[str] = "`smadrive calibrate` writes this table"
 
     scale_uncertainty: float | None = Field(default=None, ge=0)
     on: date

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import NoneType
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from smadrive.errors import ConfigError
-from smadrive.files.config_problems import config_problems
+from smadrive.files.config_problems import COPIED, config_problems
 from smadrive.files.kinds import check_regular
 from smadrive.files.number_text import shortened
 from smadrive.files.spelling import NO_TEXT, NO_TEXT_CURE, missing_file_cure
@@ -25,6 +25,9 @@ class Section(BaseModel):
 
     pydantic builds the validator of a section at its first use, so a command that reads few sections starts sooner.
     """
+
+    source_of_keys: ClassVar[str] = COPIED
+    """The cure for a missing key of this table."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 

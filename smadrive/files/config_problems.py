@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -15,6 +16,14 @@ MOST_DESCRIBED = 6
 
 _UNKNOWN, _MISSING = "extra_forbidden", "missing"
 """pydantic's names of these two types of problems."""
+
+_ENTRY = re.compile(r"\]\] \d+$")
+
+COPIED = "copy this part from a complete file (`smadrive list` names them)"
+"""The cure for a missing key, unless its section has another one as `source_of_keys`."""
+
+_LIST = {"tuple_type", "list_type"}
+"""pydantic's names of a value that should be a list."""
 
 _CURES = {
     "greater_than": "write a number greater than {gt:g}",
@@ -41,7 +50,7 @@ def config_problems(problems: list[dict[str, Any]], kind: type[BaseModel]) -> st
     keys: dict[str, list[str]] = {}
     for problem in (*unknown, *missing, *others):
         keys.setdefault(_message(problem, kind), []).append(_key(problem))
-    lines = [f"{', '.join(same)}: {message}" for message, same in keys.items()]
+    lines = [": ".join(filter(None, (", ".join(same), message))) for message, same in keys.items()]
     more = len(lines) - MOST_DESCRIBED
     return "; ".join(lines[:MOST_DESCRIBED]) + (f" (and {more} more)" if more > 0 else "")
 
@@ -54,7 +63,16 @@ def _is_misspelled(missing: dict[str, Any], unknown: Iterable[dict[str, Any]]) -
 
 
 def _key(problem: dict[str, Any]) -> str:
-    return ".".join(str(part) for part in problem["loc"]) or "the file"
+    """Return the path of the key, such as `[[vary]] 1: repeats`; "" for a problem of the whole file."""
+    path = ""
+    for place, part in enumerate(problem["loc"], 1):
+        if isinstance(part, int):
+            is_table = place < len(problem["loc"]) or isinstance(problem["input"], dict)
+            path = f"[[{path}]] {part + 1}" if is_table else f"{path}, entry {part + 1}"
+        else:
+            separator = ": " if _ENTRY.search(path) else "." if path else ""
+            path = f"{path}{separator}{part}"
+    return path
 
 
 def _message(problem: dict[str, Any], kind: type[BaseModel]) -> str:
@@ -62,20 +80,28 @@ def _message(problem: dict[str, Any], kind: type[BaseModel]) -> str:
         *path, key = problem["loc"]
         return f"unknown key; {suggestion_or_list(str(key), _known_keys(kind, path))}"
     if problem["type"] == _MISSING:
-        return "missing; copy this part from a complete file (`smadrive list` names them)"
+        sources = {getattr(model, "source_of_keys", COPIED) for model in _models_at(kind, problem["loc"][:-1])}
+        return f"missing; {' or '.join(sorted(sources))}"
     value = problem["input"]
     if cure := _CURES.get(problem["type"]):
         return f"{shortened(value)} is not allowed; {cure.format(**problem.get('ctx', {}))}"
+    if problem["type"] in _LIST and isinstance(value, dict):
+        return f"one table instead of a list of tables; write [[{_key(problem)}]] in double brackets"
     message = str(problem["msg"]).removeprefix("Value error, ")
     return message if isinstance(value, dict) else f"{message} (it is {shortened(value)})"
 
 
 def _known_keys(kind: type[BaseModel], path: Iterable[Any]) -> set[str]:
-    """Return the keys allowed at `path` below the section `kind`, found from the annotations of the fields."""
+    """Return the keys allowed at `path` below the section `kind`."""
+    return {field.alias or name for model in _models_at(kind, path) for name, field in model.model_fields.items()}
+
+
+def _models_at(kind: type[BaseModel], path: Iterable[Any]) -> list[type[BaseModel]]:
+    """Return the sections possible at `path` below the section `kind`, found from the annotations of the fields."""
     models = [kind]
     for part in path:
         models = [inner for model in models for inner in _models_below(model, part)] or models
-    return {field.alias or name for model in models for name, field in model.model_fields.items()}
+    return models
 
 
 def _models_below(model: type[BaseModel], part: Any) -> list[type[BaseModel]]:

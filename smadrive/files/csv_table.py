@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -48,7 +48,8 @@ class Table:
     def column(self, name: str) -> Array:
         """Return the column `name` as float64. DataError names the line of a cell that is not a finite number."""
         if name not in self.cells:
-            raise DataError(f"no column '{name}'", where=self.path, cure=suggestion_or_list(name, self.cells))
+            cure = _other_unit(name, self.cells) or suggestion_or_list(name, self.cells)
+            raise DataError(f"no column '{name}'", where=self.path, cure=cure)
         values = np.empty(len(self.cells[name]))
         for row, cell in enumerate(self.cells[name]):
             values[row] = self._number(name, row, cell)
@@ -67,6 +68,13 @@ class Table:
                 "too large a number", where=where, value=cell, limit=LARGEST, cure="correct it, or use another unit"
             )
         return value
+
+
+def _other_unit(name: str, names: Iterable[str]) -> str:
+    """Return the cure if one of the `names` is `name` with another unit, such as time_ms; otherwise ""."""
+    quantity, _, unit = name.rpartition("_")
+    other = next((one for one in names if quantity and one.rpartition("_")[0] == quantity), None)
+    return "" if other is None else f"convert the column '{other}' to {unit}, and rename it to '{name}'"
 
 
 def read_table(path: Path) -> Table:

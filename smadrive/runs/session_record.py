@@ -30,6 +30,7 @@ _MODE = "mode: "
 _PART_BYTES = EVENT_BYTES - 40
 _PART = re.compile(r"model (\d+), part (\d+) of (\d+): (.*)", re.DOTALL)
 _CYCLE = re.compile(r"cycle \d+: ")
+_TRIP = re.compile(r"fault \d+: ")
 _IN_FORCE = re.compile(r"in force: (.*), model (\d+): (.*)", re.DOTALL)
 
 
@@ -96,6 +97,11 @@ def spans_of(log: Log) -> Iterator[Span]:
     ends = [*(event.time_s for event in marks[1:]), end_s]
     for mark, to_s in zip(marks, ends, strict=False):
         yield Span(mark.time_s, max(to_s, mark.time_s), mark.message.removeprefix(_MODE))
+
+
+def trips_of(log: Log) -> list[RunEvent]:
+    """Return the trips of a session, in their order. A session goes on after a trip, and the user may clear it."""
+    return [event for event in log.events if _TRIP.match(event.message)]
 
 
 def plain_events(log: Log) -> list[RunEvent]:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from smadrive.control.feasibility import Feasibility, simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel, TSFuzzyPreisach
@@ -122,11 +123,13 @@ def plan_tracking(
 
     With `cycling` the reference is repeated. If the wire cannot follow `given`, the run tracks the nearest reference if
     `smooth` is True. Otherwise ConfigError names `smooth_option`, the option of the user that sets `smooth`.
-    `displacement_from` replaces the source of the displacement in the rig file.
+    `displacement_from` replaces the source of the displacement in the rig file. ConfigError also for a reference
+    outside the temperature or displacement limits of the rig.
     """
     wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance, identified.resistance)
-    chosen = displacement_from or rig.config.displacement_from
-    limit_c = rig.config.limits.temperature_max_c
+    chosen, limits = displacement_from or rig.config.displacement_from, rig.config.limits
+    limit_c = limits.temperature_max_c
+    check_rig_limits(given.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
     with _caveats_noted(identified):
         start, given = _start(rig, given, wire, chosen)
         simulated = _simulated(rig, given, wire, start)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.errors import CertificateError, ConfigError, ModelError
 from smadrive.files.config import validate
@@ -89,7 +90,8 @@ class Tuning:
         """Raise an error when a wire must not be driven with this tuning.
 
         CertificateError when the certificate of the model does not hold. ConfigError when a centre μ of a branch is not
-        below `temperature_max_c`, or when `reference` leaves the travel of the wire or needs a higher temperature.
+        below `temperature_max_c`, or when `reference` leaves the travel of the wire or the displacement limits of the
+        rig, or needs a higher temperature.
         """
         certificate = self.model.certificate()
         if not certificate.holds:
@@ -110,6 +112,7 @@ class Tuning:
                     limit=f"{limits.temperature_max_c:g} °C",
                 )
         if reference is not None:
+            check_rig_limits(reference.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
             reference.check_within(travel_mm(self.model))
             self._check_temperature(limits, reference)
 

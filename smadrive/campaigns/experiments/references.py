@@ -11,6 +11,7 @@ from typing import NamedTuple
 from smadrive.campaigns.plan.config import ReferenceConfig
 from smadrive.control.feasibility import simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
 from smadrive.files.csv_table import read_table
@@ -30,9 +31,11 @@ class PlannedReference(NamedTuple):
 def planned_reference(config: ReferenceConfig, wire: WireModel, rig: RigConfig) -> PlannedReference:
     """Return the reference with the approach of the cold wire, smoothed if the file asks for that.
 
-    ConfigError for a reference outside the travel of the wire, DataError for an unusable table.
+    ConfigError for a reference outside the travel of the wire or the displacement limits of the rig, DataError for an
+    unusable table.
     """
     requested = _requested(config, *travel_mm(wire.model))
+    check_rig_limits(requested.scored_mm, rig.limits.displacement_min_mm, rig.limits.displacement_max_mm)
     requested.check_within(travel_mm(wire.model))
     path = requested.with_approach(travel_mm(wire.model)[0], APPROACH_S)
     if not config.smooth:

@@ -128,6 +128,8 @@ class GridConfig(Section):
     def _is_possible(self) -> Self:
         if self.low == self.high:
             raise ValueError(f"low and high are equal ({self.low:g}): write two different ends")
+        if self.low > self.high:
+            raise ValueError(f"low = {self.low:g} is above high = {self.high:g}: exchange the two")
         if self.spacing == "logarithmic" and not (self.low > 0 and self.high > 0):
             raise ValueError("a logarithmic grid needs ends above 0")
         return self

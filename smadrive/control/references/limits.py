@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from smadrive.errors import DataError
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.errors import ConfigError, DataError
+
+Array = NDArray[np.float64]
 
 WHERE = "reference"
 """The part `where` of the errors about references."""
@@ -57,3 +62,25 @@ def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONG
     most = longest_s / TABLE_STEP_S
     if pieces > most:
         raise DataError("too many samples", where=WHERE, value=pieces, limit=most, cure="lower the number of samples")
+
+
+def check_rig_limits(scored_mm: Array, low_mm: float | None, high_mm: float | None) -> None:
+    """Raise ConfigError when the displacements of a reference, mm, exceed a limit of the rig: the run would trip.
+
+    `low_mm` is displacement_min_mm and `high_mm` is displacement_max_mm of the rig file; None is no limit.
+    """
+    lowest_mm, highest_mm = float(scored_mm.min()), float(scored_mm.max())
+    if low_mm is not None and lowest_mm < low_mm:
+        raise _beyond_limit("lowest", lowest_mm, f"displacement_min_mm = {low_mm:g} mm")
+    if high_mm is not None and highest_mm > high_mm:
+        raise _beyond_limit("highest", highest_mm, f"displacement_max_mm = {high_mm:g} mm")
+
+
+def _beyond_limit(name: str, value_mm: float, limit: str) -> ConfigError:
+    return ConfigError(
+        "outside the displacement limits of the rig",
+        where=f"{WHERE}: {name} value",
+        value=f"{round(value_mm, 3):g} mm",
+        limit=limit,
+        cure="keep the reference within these limits, or change the limit under [limits] if the mechanics allow it",
+    )

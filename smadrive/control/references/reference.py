@@ -160,6 +160,11 @@ class Reference:
         """Return the duration of the cycles that are completed at `time_s`."""
         return self.cycle(time_s) * self.cycle_s if self.endless or self.repeats > 1 else 0.0
 
+    @property
+    def scored_mm(self) -> Array:
+        """The displacements after the approach, mm."""
+        return self.displacement_mm[self.times_s >= self.scored_from_s]
+
     def check_within(self, ends_mm: tuple[float, float]) -> None:
         """Raise ConfigError when the reference leaves the travel of the wire.
 
@@ -168,8 +173,7 @@ class Reference:
         """
         low, high = min(ends_mm), max(ends_mm)
         slack = TRAVEL_SLACK * (high - low)
-        scored_mm = self.displacement_mm[self.times_s >= self.scored_from_s]
-        for name, value in (("lowest", scored_mm.min()), ("highest", scored_mm.max())):
+        for name, value in (("lowest", self.scored_mm.min()), ("highest", self.scored_mm.max())):
             if not low - slack <= value <= high + slack:
                 raise ConfigError(
                     "outside the travel of the identified wire",

@@ -1,4 +1,4 @@
-"""Frequent mistakes in a TOML file: a decimal comma, a missing quote, a text without quotes, a key given twice.
+"""Frequent mistakes in a TOML file: a decimal comma, a missing quote, a text without quotes, a date, a key given twice.
 
 The parser names the place of a mistake and the rule of the format that is broken. The user needs the value and the
 cure.
@@ -21,6 +21,7 @@ _TWICE = "Cannot overwrite a value"
 
 _KEY = re.compile(r"\s*[\w.-]+\s*=\s*")
 _COMMENT = re.compile(r"\s+#.*")
+_DATE = re.compile(r"(\d{1,2})\.(\d{1,2})\.(\d{4})")
 _BARE_TEXT = re.compile(r"[^\W\d][^=]*|[./~][^=]*[^\W\d][^=]*")
 
 
@@ -79,6 +80,9 @@ def _bare_value(number: int, entry: re.Match[str]) -> Mistake | None:
     decimal = with_decimal_point(value)
     if decimal is not None:
         return Mistake(number, "a number has a decimal comma", value, f"write {decimal}", before + decimal)
+    if (date := _DATE.fullmatch(value)) is not None:
+        written = f"{date[3]}-{int(date[2]):02}-{int(date[1]):02}"
+        return Mistake(number, "a date has another form", value, f"write {written} (year-month-day)", before + written)
     if (lower := value.lower()) in {"true", "false"}:
         return Mistake(number, "a truth value has a capital letter", value, f"write {lower}", before + lower)
     if _BARE_TEXT.fullmatch(value):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 from dataclasses import replace
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
@@ -30,6 +31,7 @@ MOST_CHARACTERS = 1000
 
 SCHEMES = ("serial", "tcp", "rtu+tcp")
 _FORMS = "serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port"
+_WINDOWS_PORT = re.compile(r"COM\d+", re.IGNORECASE)
 _PARITIES: dict[str, Parity] = {"N": "N", "E": "E", "O": "O"}
 _ALLOWED = {
     "baudrate": "baudrate=<50 to 12000000>",
@@ -113,8 +115,21 @@ def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTra
 
 def _unknown_scheme(url: str, scheme: str) -> ConfigError:
     """Return the error for an unknown scheme. Its cure names the most similar scheme, and the forms of all schemes."""
+    if not scheme and (cure := _cure_of_path(url)):
+        return ConfigError("not a port", where=_named(url), cure=cure)
     cure = f"{suggestion(scheme, SCHEMES)} Write {_FORMS}, or sim://NAME in a rig file".strip()
     return ConfigError("unknown scheme", where=_named(url), value=shortened(scheme), cure=cure)
+
+
+def _cure_of_path(url: str) -> str:
+    """Return the cure for a text without a scheme: a path of a port, a name of Windows or a config file; else ""."""
+    if url.startswith("/"):
+        return f"write serial://{url}"
+    if _WINDOWS_PORT.fullmatch(url):
+        return "smadrive opens ports on Linux and macOS only: write the path there, such as serial:///dev/ttyUSB0"
+    if url.endswith(".toml"):
+        return f"a config file is given; give the port of the device, such as {_FORMS}"
+    return ""
 
 
 def _split(url: str) -> SplitResult:

@@ -20,6 +20,12 @@ from smadrive.rig.ports.board_port import open_board
 GAINS = (0.75, 1.25)
 LEAST_A, LEAST_V = 0.02, 0.5
 """Below these readings the offsets and the steps of the meters matter too much for a gain."""
+_GIVEN = {"source_gain": "--current", "current_gain": "--current", "voltage_gain": "--voltage"}
+"""The option from which each gain follows."""
+_UNIT_HINTS = {
+    **dict.fromkeys(("source_gain", "current_gain"), "is it in milliamperes? give it in A"),
+    "voltage_gain": "is it in millivolts? give it in V",
+}
 _READ = ("current_gain", "current_offset", "voltage_gain", "voltage_offset", "source_gain", "source_offset")
 
 
@@ -47,11 +53,11 @@ def new_gains(constants: Mapping[str, float], held: HeldCurrent) -> dict[str, fl
     for name, gain in gains.items():
         if not GAINS[0] <= gain <= GAINS[1]:
             raise ConfigError(
-                "the gain is too far from 1",
-                where=name,
-                value=f"{gain:.3f}",
+                f"the {name.replace('_', ' ')} of the board would be too far from 1",
+                where=_GIVEN[name],
+                value=f"{gain:.3g}",
                 limit=f"{GAINS[0]:g} to {GAINS[1]:g}",
-                cure="check what the multimeters showed, and the resistors of the board",
+                cure=f"{_UNIT_HINTS[name]}; check what the multimeters showed, and the resistors of the board",
             )
     return gains
 

@@ -42,7 +42,7 @@ def log_plots(log: Log) -> Iterator[Plot]:
     """Yield the plots of the log. Plots without data are left out."""
     if has_setpoint(log):
         yield _tracking(log)
-    elif np.isfinite(log.column_with_gaps("displacement_mm")).any():
+    elif log.metadata.get("kind") != KIND and np.isfinite(log.column_with_gaps("displacement_mm")).any():
         yield _displacement(log)
     if log.metadata.get("kind") == KIND:
         yield session_plot(log)
@@ -62,7 +62,7 @@ def _tracking(log: Log) -> Plot:
     for ax in lower:
         draw_error(ax, log, MEASURED)
     figure.axes[-1].set_xlabel(COLUMNS["time_s"].axis_label)
-    error = f"Error = setpoint − displacement. {NOT_SCORED}"
+    error = f"Error = setpoint − displacement. {NOT_SCORED if 'reference' in log.metadata else ''}".strip()
     return Plot("Tracking", figure, error if is_scored else f"No error is shown: {tracking_caveats(log)[-1]}.")
 
 
@@ -107,7 +107,7 @@ def _heat(log: Log) -> Plot:
     return Plot(
         "Heat",
         figure,
-        "Setpoint, estimate and measurement of the temperature, and the current; shaded: the output was at a limit.",
+        "Temperature of the wire, as far as known, and the current; shaded: the output was at a limit.",
     )
 
 
@@ -166,7 +166,7 @@ def _timing(log: Log) -> Plot:
     return Plot(
         "Loop timing",
         figure,
-        f"{lateness}, nominally {period_ms:g} ms; a lost exchange leaves a gap of two periods.",
+        f"{lateness}, nominally {period_ms:g} ms; each lost exchange or skipped deadline adds a period.",
     )
 
 

@@ -29,7 +29,7 @@ NAMES = {
 }
 """Name and unit of each quantity of `QUANTITIES`."""
 
-HEADER = ("", "identified", "last run", "drift", "error")
+HEADER = ("", "identified", "last run", "drift", "tracking error")
 """The last column is the tracking error that the drift causes, without a displacement sensor."""
 
 
@@ -118,8 +118,15 @@ def health_rows(health: WireHealth) -> Iterator[tuple[str, ...]]:
             f"{drift.before.value:.4g} {unit}",
             f"{drift.now.value:.4g} {unit}",
             f"{drift.change.value:+.2g} ± {drift.change.error:.1g} {unit.replace('°C', 'K')}",
-            f"{drift.error_percent:.2g} %" if drift.counts else "may be chance",
+            _error_text(drift),
         )
+
+
+def _error_text(drift: Drift) -> str:
+    """Return the tracking error of a drift that counts, otherwise the reason why the drift does not count."""
+    if drift.counts:
+        return f"{drift.error_percent:.2g} %"
+    return "in the last run only" if drift.is_significant else "drift may be chance"
 
 
 def health_lines(health: WireHealth) -> Iterator[str]:

@@ -6,6 +6,7 @@ arrives, and the supervisor advises to check the cable. So the time of `update` 
 
 from __future__ import annotations
 
+import inspect
 import time
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
@@ -146,9 +147,13 @@ def check_controller(controller: object, duration_s: object) -> None:
             value=controller.__qualname__,
             cure="call the class, and pass the object",
         )
-    if not callable(getattr(controller, "update", None)):
+    update = getattr(controller, "update", None)
+    if not callable(update):
         cure = "give it update(time_s, measurement, dt_s), which returns a smadrive.Command"
         raise ConfigError("not a controller", where="controller", value=name, cure=cure)
+    if not _takes_three(update):
+        cure = "give update the arguments (self, time_s, measurement, dt_s)"
+        raise ConfigError("update does not take three arguments", where="controller", value=name, cure=cure)
     given = getattr(controller, "duration_s", None) if duration_s is None else duration_s
     if given is None:
         cure = "pass duration_s=…, or give the controller this attribute"
@@ -156,6 +161,17 @@ def check_controller(controller: object, duration_s: object) -> None:
     if not _is_duration(given):
         cure = "give it in seconds; math.inf runs until it is interrupted"
         raise ConfigError("not a positive number", where="duration_s", value=_shown(given), cure=cure)
+
+
+def _takes_three(update: Callable[..., Any]) -> bool:
+    """Return False if a call with three arguments is sure to fail; True also for a function without a signature."""
+    try:
+        inspect.signature(update).bind(0.0, None, 0.0)
+    except TypeError:
+        return False
+    except ValueError:
+        return True
+    return True
 
 
 def _is_duration(value: Any) -> bool:

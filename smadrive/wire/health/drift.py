@@ -5,6 +5,9 @@ error s of both. It counts if |d| > `SIGNIFICANT` s in each of the last `LAST_RU
 same direction. The drifts that count cause the tracking error e = √Σ (g d)², with the sensitivity g of each quantity.
 The wire is to be identified again when e exceeds the error that an identification leaves (sensitivity.py).
 
+A resistance at rest that has jumped is no drift: in the last run it lies outside the tolerance that fault 20 checks
+(expected_rest.py). A single run shows a jump, because no sound wire changes by so much.
+
 A drift grows about linearly with the cycles n. So an error e after n cycles reaches the allowed error after
 n (e_allowed / e - 1) more cycles.
 """
@@ -19,10 +22,11 @@ from typing import NamedTuple
 import numpy as np
 
 from smadrive.wire.health.entry import Estimate, HealthEntry, LoopShape
+from smadrive.wire.health.expected_rest import expected_rest
 from smadrive.wire.health.sensitivity import ErrorGains
 
 SIGNIFICANT = 3.0
-"""A drift of fewer standard errors than this may be chance."""
+"""A drift of at most this many standard errors does not count: it may be chance."""
 
 LAST_RUNS = 2
 """The number of runs in a row that must show a drift. A draft in a single run is no drift."""
@@ -36,12 +40,14 @@ class HealthVerdict(StrEnum):
     """The verdict of the record about the wire."""
 
     UNKNOWN = "not known yet"
+    JUMPED = "resistance jumped"
     UNCHANGED = "as identified"
+    UNCONFIRMED = "last run differs"
     DRIFTED = "has drifted"
     IDENTIFY_AGAIN = "identify it again"
 
 
-DRIFTED = (HealthVerdict.DRIFTED, HealthVerdict.IDENTIFY_AGAIN)
+DRIFTED = (HealthVerdict.JUMPED, HealthVerdict.DRIFTED, HealthVerdict.IDENTIFY_AGAIN)
 """The verdicts that are a warning."""
 
 
@@ -62,6 +68,11 @@ class Drift(NamedTuple):
     per_cycle: Estimate
     counts: bool
     error_percent: float
+
+    @property
+    def is_significant(self) -> bool:
+        """True if the change in the last run exceeds its standard error so far that it is not chance."""
+        return _is_significant(self.change)
 
 
 class Moved(NamedTuple):
@@ -104,8 +115,15 @@ class WireHealth(NamedTuple):
         match self.verdict:
             case HealthVerdict.UNKNOWN:
                 return f"the drift of the wire is not known before {LAST_RUNS} runs have measured it"
+            case HealthVerdict.JUMPED:
+                rest = self.drifts["rest_ohm"]
+                jump = f"{rest.before.value:.4g} Ω when identified, {rest.now.value:.4g} Ω in the last run"
+                cure = "check crimps and strands; another wire needs its own model"
+                return f"the resistance at rest has jumped: {jump}: {cure}"
             case HealthVerdict.UNCHANGED:
                 return "the wire is as identified"
+            case HealthVerdict.UNCONFIRMED:
+                return "the last run differs from the identification: the next run shows if the wire has drifted"
             case HealthVerdict.IDENTIFY_AGAIN:
                 return f"identify the wire again: {error}, {allowed}"
         when = f": identify it again after about {self.cycles_left:.2g} cycles" if isfinite(self.cycles_left) else ""
@@ -127,7 +145,7 @@ def wire_health(entries: Sequence[HealthEntry], gains: Sequence[float], allowed_
     cycles = sum(run.cycles for run in runs)
     first, adapted = entries[starts[0]], [run.adapted for run in runs if run.adapted is not None]
     return WireHealth(
-        _verdict(runs, measured, error > allowed_percent),
+        HealthVerdict.JUMPED if _has_jumped(entries, identified) else _verdict(runs, measured, error > allowed_percent),
         identified.begun,
         len(runs),
         cycles,
@@ -146,11 +164,26 @@ def gains_of(found: ErrorGains, rest_ohm: float, stroke_mm: float) -> tuple[floa
     return found.rest / rest_ohm, found.heating_per_k, found.cooling_per_k, found.stroke / stroke_mm
 
 
+def _has_jumped(entries: Sequence[HealthEntry], identified: HealthEntry) -> bool:
+    """Return True if the last run that measured the resistance at rest found it outside the expected tolerance."""
+    measured = [number for number, entry in enumerate(entries) if entry.rest_ohm.is_known]
+    if not (measured and identified.rest_ohm.is_known) or entries[measured[-1]].is_identification:
+        return False
+    earlier, last = entries[: measured[-1]], entries[measured[-1]]
+    expected = expected_rest(earlier, identified.model, identified.rest_ohm.value)
+    return abs(last.rest_ohm.value - expected.ohm) > expected.tolerance * expected.ohm
+
+
+def _is_significant(change: Estimate) -> bool:
+    return abs(change.value) > SIGNIFICANT * change.error
+
+
 def _verdict(runs: Sequence[HealthEntry], drifts: dict[str, Drift], is_costly: bool) -> HealthVerdict:
     if all(_count(runs, name) < LAST_RUNS for name in QUANTITIES):
         return HealthVerdict.UNKNOWN
     if not any(drift.counts for drift in drifts.values()):
-        return HealthVerdict.UNCHANGED
+        differs = any(drift.is_significant for drift in drifts.values())
+        return HealthVerdict.UNCONFIRMED if differs else HealthVerdict.UNCHANGED
     return HealthVerdict.IDENTIFY_AGAIN if is_costly else HealthVerdict.DRIFTED
 
 
@@ -167,7 +200,7 @@ def _drift(identified: HealthEntry, runs: Sequence[HealthEntry], name: str, gain
     changes = [_change(before, now) for now in found]
     last = changes[-LAST_RUNS:]
     same = len({change.value > 0.0 for change in last}) == 1
-    counts = len(last) == LAST_RUNS and same and all(abs(one.value) > SIGNIFICANT * one.error for one in last)
+    counts = len(last) == LAST_RUNS and same and all(map(_is_significant, last))
     cycles = np.cumsum([run.cycles for run in runs])[[getattr(run, name).is_known for run in runs]]
     return Drift(before, found[-1], changes[-1], slope(cycles, found), counts, gain * abs(changes[-1].value))
 

@@ -198,8 +198,8 @@ def test_smoothed_run_reports_its_distance_from_the_given_reference_and_logs_it(
 def test_tripped_run_prints_its_metrics_until_the_trip_and_the_trip(track, tmp_path):
     ran, _ = track(ANY_SINE)
     assert ran["tripped"] is None
-    tight = rig_text("watchdog_s = 0.5", "watchdog_s = 0.5\ndisplacement_max_mm = 5.0", rig="in-process")
-    (tmp_path / "tight.toml").write_text(tight)
+    tight = "watchdog_s = 0.5\ndisplacement_max_mm = 9.0"  # the noise at the top of the reference exceeds it
+    (tmp_path / "tight.toml").write_text(rig_text("watchdog_s = 0.5", tight, rig="in-process"))
     run = ("run", "tight.toml", "--model", "wire.json", "--reference", ANY_SINE, "-o", "short.h5")
     done = smadrive(*run, "--json", cwd=tmp_path)
     assert done.returncode == 4, done.stderr

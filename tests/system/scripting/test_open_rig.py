@@ -267,17 +267,19 @@ def test_controller_that_returns_nonsense_ends_at_zero_current(rig, wire):
 
 
 def test_trip_arrives_with_its_number_and_its_record(wire, tmp_path):
-    limits = load_rig("in-process").limits.model_copy(update={"displacement_max_mm": 5.0})
+    tight = {"displacement_max_mm": 9.5, "tracking_max_mm": 0.001, "tracking_for_s": 0.1}
+    limits = load_rig("in-process").limits.model_copy(update=tight)
     config = load_rig("in-process").model_copy(update={"limits": limits})
     with smadrive.open_rig(config) as rig:
         with pytest.raises(TripError) as caught:
             rig.track(SINE, wire, tmp_path / "tripped.h5")
-        assert caught.value.number == Fault.OVER_DISPLACEMENT.number
+        assert caught.value.number == Fault.TRACKING_LOST.number
         assert shutdown_of(caught.value).confirmed
         assert caught.value.__cause__ is None
         rig.clear_faults()
         with pytest.raises(TripError) as driven:
             rig.drive(Hot(), wire, tmp_path / "hot.h5")
+        assert driven.value.number == Fault.OVER_DISPLACEMENT.number
         assert driven.value.__cause__ is None
         with pytest.raises(SafetyError, match="the last run tripped"):
             rig.track(SINE, wire)

@@ -124,6 +124,7 @@ def test_a_grid_of_a_thousand_million_runs_is_an_error(planned):
         ("[[vary]]\nrig.rate_hz = {low = 1.0, high = 9.0, number = 1}\n", "[[vary]] 1: rig.rate_hz"),
         ("[[vary]]\nrig.rate_hz = {low = 1.0, hihg = 9.0, number = 2}\n", "[[vary]] 1: rig.rate_hz"),
         ("[[vary]]\nrig.rate_hz = {low = 1.0, high = 1.0, number = 2}\n", "[[vary]] 1: rig.rate_hz"),
+        ("[[vary]]\nrig.rate_hz = {low = 9.0, high = 1.0, number = 2}\n", "[[vary]] 1: rig.rate_hz"),
         ("[[vary]]\nrandom_wires = 100000000\n", "[[vary]] 1"),
         ("[[vary]]\nseed = [1, 1]\n", "[[vary]] 1"),
         ("[[vary]]\nseed = [1]\n[[vary]]\nseed = [2]\n", "[[vary]]"),

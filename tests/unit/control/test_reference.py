@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import SHAPES, parse_reference
 from smadrive.errors import ConfigError, DataError
@@ -224,6 +225,22 @@ def test_reference_beyond_the_travel_of_the_wire_is_rejected(high_mm, ends_mm, w
     with pytest.raises(ConfigError) as error:
         parse_reference(f"sine:low_mm=2,high_mm={high_mm},period_s=56").check_within(ends_mm)
     assert (error.value.where, error.value.value, error.value.limit) == (where, value, limit)
+
+
+@pytest.mark.parametrize(
+    ("limits_mm", "where", "limit"),
+    [
+        ((None, 5.0), "reference: highest value", "displacement_max_mm = 5 mm"),
+        ((3.0, None), "reference: lowest value", "displacement_min_mm = 3 mm"),
+    ],
+)
+def test_reference_beyond_the_limits_of_the_rig_is_rejected(limits_mm, where, limit):
+    reference = parse_reference("sine:low_mm=2,high_mm=9,period_s=56").with_approach(0.0, 10.0)
+    check_rig_limits(reference.scored_mm, None, None)
+    check_rig_limits(reference.scored_mm, 2.0, 9.0)
+    with pytest.raises(ConfigError) as error:
+        check_rig_limits(reference.scored_mm, *limits_mm)
+    assert (error.value.where, error.value.limit) == (where, limit)
 
 
 def test_approach_may_begin_outside_the_travel():

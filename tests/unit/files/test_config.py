@@ -4,10 +4,11 @@ import os
 from typing import Literal
 
 import pytest
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
+from smadrive.devices.calibration import CalibrationConfig
 from smadrive.errors import ConfigError
-from smadrive.files.config import Section, load_config, read_toml
+from smadrive.files.config import Section, load_config, read_toml, validate
 from smadrive.files.config_problems import MOST_DESCRIBED
 
 
@@ -33,24 +34,54 @@ def test_valid_file_loads_and_is_immutable(tmp_path):
         config.name = "y"
 
 
+class Whole(Section):
+    low: float
+
+    @model_validator(mode="after")
+    def _is_possible(self):
+        raise ValueError("low is above high")
+
+
+def test_problem_of_the_whole_file_names_no_key(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text("low = 1.0")
+    with pytest.raises(ConfigError) as error:
+        load_config(path, Whole)
+    assert error.value.what == "low is above high"
+
+
+def test_one_table_in_place_of_a_list_of_tables_is_named_with_its_cure(tmp_path):
+    with pytest.raises(ConfigError, match=r"^.*parts: .*\[\[parts\]\]") as error:
+        load(tmp_path, 'name = "x"\n[parts]\ncurrent_max_a = 0.5')
+    assert "tuple" not in error.value.what
+
+
+def test_table_that_a_command_writes_names_the_command(tmp_path):
+    with pytest.raises(ConfigError, match="smadrive calibrate"):
+        validate({"displacement": {"on": "2026-11-25", "offset_mm": 0.1}}, CalibrationConfig, "rig.toml")
+
+
 @pytest.mark.parametrize(
     ("text", "named"),
     [
         ('nme = "x"\nparts = []', ("nme: ", "'name'")),
         ('nme = "x"\nparts = 3', ("nme: ", "'name'", "parts: ")),
         ('nme = "x"', ("nme: ", "'name'", "parts: missing")),
-        ('name = "x"\nparts = [{current_max_a = nan}, {}, 3]', ("parts.0.current_max_a: ", "parts.1.", "parts.2: ")),
+        (
+            'name = "x"\nparts = [{current_max_a = nan}, {}, 3]',
+            ("[[parts]] 1: current_max_a: ", "[[parts]] 2: ", "parts, entry 3: "),
+        ),
         ('name = "x"\nparts = []\nprats = 1', ("prats: ", "'parts'")),
         (
             'name = "x"\n[[parts]]\ncurent_max_a = 1.0\ncurrent_max_a = 1.0',
-            ("parts.0.curent_max_a: ", "'current_max_a'"),
+            ("[[parts]] 1: curent_max_a: ", "'current_max_a'"),
         ),
         ('one = 1\nname = "x"\nparts = []\n[two]', ("one, two: ", "name, parts")),
         ('nme = "x"\nprats = 1', ("nme: ", "'name'", "prats: ", "'parts'")),
-        ('name = "x"\n[[parts]]\ncurrent_max_a = "much"', ("parts.0: current_max_a = 'much'",)),
-        ('name = "x"\n[[parts]]\ncurrent_max_a = "0.15"', ("parts.0: current_max_a = '0.15'", "without quotes")),
+        ('name = "x"\n[[parts]]\ncurrent_max_a = "much"', ("[[parts]] 1: current_max_a = 'much'",)),
+        ('name = "x"\n[[parts]]\ncurrent_max_a = "0.15"', ("[[parts]] 1: current_max_a = '0.15'", "without quotes")),
         ('name = "x"\n[[parts]]\ncurrent_max_a = true', ("current_max_a = true",)),
-        ('name = "x"\n[[parts]]\ncurrent_max_a = nan', ("parts.0.current_max_a: ", "nan")),
+        ('name = "x"\n[[parts]]\ncurrent_max_a = nan', ("[[parts]] 1: current_max_a: ", "nan")),
         ("name = ", ("TOML",)),
         ("name = " + "[\n" * 10_000, ("nested",)),
     ],

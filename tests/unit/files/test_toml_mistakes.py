@@ -18,6 +18,7 @@ from smadrive.files.config import read_toml
         ("a = my bench", "a text has no quotes", "my bench", 'write "my bench"'),
         ("a = ./wire.json", "a text has no quotes", "./wire.json", 'write "./wire.json"'),
         ("name = 1", "a key is given twice", "name = 1", "keep one of the two lines"),
+        ("on = 5.11.2026", "a date has another form", "5.11.2026", "write 2026-11-05 (year-month-day)"),
         ("a = True", "a truth value has a capital letter", "True", "write true"),
     ],
 )

@@ -89,7 +89,7 @@ def test_random_faults_depend_on_the_seed_alone(config):
         ('[[faults]]\nat_s = 1\nname = "delay"\ndelay_s = -1.0', ("delay_s: ", " 0 ", "-1.0")),
         ('[[faults]]\nat_s = 1\nname = "drop"\nreplies = 0', ("replies: ", " 1 ")),
         ('[[faults]]\nat_s = 1\nname = "refuse"\ncode = 6.5', ("code: ", "6.5")),
-        ('[[faults]]\nname = "drop"', ("faults.0.at_s: ",)),
+        ('[[faults]]\nname = "drop"', ("[[faults]] 1: at_s: ",)),
         ("[random]\nshare = 1.5", ("random.share: ", " 1 ")),
         ("[randon]\nshare = 0.5", ("randon: ", "'random'")),
     ],

@@ -24,9 +24,9 @@ def test_second_calibration_starts_from_the_first():
 @pytest.mark.parametrize(
     ("held", "where"),
     [
-        (HeldCurrent(0.3, 0.3, 0.2, 5.0, 5.0), "source_gain"),
-        (HeldCurrent(0.3, 0.2, 0.3, 5.0, 5.0), "current_gain"),
-        (HeldCurrent(0.3, 0.3, 0.3, 5.0, 9.0), "voltage_gain"),
+        (HeldCurrent(0.3, 0.3, 0.2, 5.0, 5.0), "--current"),
+        (HeldCurrent(0.3, 0.2, 0.3, 5.0, 5.0), "--current"),
+        (HeldCurrent(0.3, 0.3, 0.3, 5.0, 9.0), "--voltage"),
         (HeldCurrent(0.3, 0.0, 0.3, 5.0, 5.0), ""),
         (HeldCurrent(0.3, 0.3, 0.3, 0.1, 0.1), ""),
     ],

@@ -8,6 +8,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from smadrive.display.card import quantity
 from smadrive.errors import UNCONFIRMED
 from smadrive.runs.comparison.settings import set_values
@@ -22,7 +24,7 @@ from smadrive.runs.report import Banner, Grid, Listing, Notes, PagePart, Tiles, 
 from smadrive.runs.run_log import OBSERVATION, OWN_CONTROLLER, STEP
 from smadrive.runs.run_metadata import rig_config_of
 from smadrive.runs.run_metrics import RunMetrics, is_virtual, run_caveats, run_metrics
-from smadrive.runs.session_record import KIND, SESSION_ENDED, models_of, plain_events
+from smadrive.runs.session_record import KIND, SESSION_ENDED, models_of, plain_events, trips_of
 
 TITLES = {
     "excitation": "identification experiment",
@@ -33,6 +35,9 @@ TITLES = {
     KIND: "tuning session",
 }
 
+
+GAP = 1.5
+"""A time without a measurement is shown if it exceeds this number of periods."""
 
 MOST_CYCLES = 50
 """Largest number of cycles in the table of the page."""
@@ -48,7 +53,7 @@ def write_log_report(path: Path, log: Log) -> RunMetrics:
     parts: list[PagePart] = [
         state_of(log, summary),
         *_caveats(log),
-        Tiles(list(_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)))),
+        Tiles([*_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)), *_gap(log, config.rate_hz)]),
         *_cycles(log),
         *log_plots(log),
         *_health(log),
@@ -69,6 +74,10 @@ def state_of(log: Log, summary: RunMetrics) -> Banner:
             f"This log has no end: its writer was killed, or still writes. The log holds {summary.duration_s:.1f} s; "
             "at most the last second is missing.",
         )
+    if summary.kind == KIND and _is_ended_safely(log) and (trips := trips_of(log)):
+        last, count = trips[-1], f", the last of {len(trips)} trips" if len(trips) > 1 else ""
+        end = f"The session ended after {summary.duration_s:.1f} s with the heater off, confirmed"
+        return Banner("bad", f"Tripped at {last.time_s:.1f} s{count}: {last.message} — {end}.")
     if not log.ended_by or (summary.kind == KIND and _is_ended_safely(log)):
         return Banner("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
     unconfirmed = [event.message for event in log.events if event.message.startswith(UNCONFIRMED)]
@@ -102,6 +111,13 @@ def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator
     yield f"{summary.ticks}", "ticks"
     worst = "none in virtual time" if is_virtual else f"worst {1e3 * summary.late_max_s:.1f} ms"
     yield f"{summary.missed_deadlines}", f"missed deadlines, {worst}"
+
+
+def _gap(log: Log, rate_hz: float) -> Iterator[tuple[str, str]]:
+    """Yield the longest time between two measurements if it is long: a lost exchange has no row and is never late."""
+    gap_s = float(np.diff(log.column("time_s")).max(initial=0.0))
+    if gap_s > GAP / rate_hz:
+        yield f"{1e3 * gap_s:.0f} ms", f"longest time without a measurement, period {1e3 / rate_hz:g} ms"
 
 
 def _cycles(log: Log) -> Iterator[PagePart]:

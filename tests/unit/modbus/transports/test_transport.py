@@ -27,7 +27,7 @@ SCHEMES = "serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port"
 @pytest.mark.parametrize(
     ("url", "value", "cure"),
     [
-        ("/dev/ttyUSB0", "", SCHEMES),
+        ("/dev/ttyUSB0", None, "write serial:///dev/ttyUSB0"),
         ("udp://host:502", "udp", SCHEMES),
         ("tcp://", None, "tcp://192.168.1.10:502"),
         ("tcp://host:x", None, "tcp://192.168.1.10:502"),
@@ -242,3 +242,17 @@ def test_a_host_is_the_same_however_it_is_spelled():
     spelled = ("tcp://Bench", "tcp://bench:502", "tcp://BENCH/?latency_ms=5", "rtu+tcp://bench:502")
     assert {port_of(url) for url in spelled} == {"tcp://bench:502"}
     assert port_of("tcp://bench:503") == "tcp://bench:503"
+
+
+@pytest.mark.parametrize(
+    ("given", "cure"),
+    [
+        ("/dev/ttyUSB7", "write serial:///dev/ttyUSB7"),
+        ("COM3", "smadrive opens ports on Linux and macOS only"),
+        ("tuned.toml", "a config file is given; give the port"),
+    ],
+)
+def test_text_without_a_scheme_has_the_cure_for_its_kind(given, cure):
+    with pytest.raises(ConfigError) as error:
+        port_of(given)
+    assert error.value.cure.startswith(cure)

@@ -151,3 +151,13 @@ def test_slow_update_is_a_caveat_of_the_run(took_s, is_virtual, caveats):
     assert own.slowest_s == took_s
     assert len(own.caveats) == caveats
     assert all(f"{took_s:g} s" in caveat and "0.05 s" in caveat for caveat in own.caveats)
+
+
+def test_update_with_two_arguments_is_refused_before_the_run():
+    class Short:
+        def update(self, time_s, measurement):
+            return Command(0.0)
+
+    with pytest.raises(ConfigError) as refused:
+        check_controller(Short(), 5.0)
+    assert "dt_s" in refused.value.cure

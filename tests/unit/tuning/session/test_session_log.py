@@ -2,18 +2,20 @@
 
 import json
 import os
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
-from smadrive.cli.views.reports.log_report import write_log_report
+from smadrive.cli.views.reports.log_report import state_of, write_log_report
 from smadrive.errors import DataError
 from smadrive.hysteresis.model_file import parse_model
-from smadrive.runs.log.reader import read_log
+from smadrive.runs.log.reader import ENDED_BY, STOP, RunEvent, read_log
 from smadrive.runs.replay import replay
 from smadrive.runs.run_log import record_session
-from smadrive.runs.session_record import models_of, plain_events, spans_of, tunings_of
+from smadrive.runs.run_metrics import run_metrics
+from smadrive.runs.session_record import SESSION_ENDED, models_of, plain_events, spans_of, trips_of, tunings_of
 from smadrive.wire.identified_wire import IdentifiedWire
 from tests.unit.tuning.conftest import BALANCE, NONE_A, currents
 
@@ -112,6 +114,12 @@ def test_trip_is_logged_with_its_remedy_and_the_session_goes_on(logged):
     assert any(message.startswith(rig.status["fault"][:60]) for message in messages(log))
     assert "tripped" in [span.mode for span in spans_of(log)]
     assert log.column("time_s")[-1] > 13.5
+    (trip,) = trips_of(log)
+    ended = (RunEvent(13.9, f"{ENDED_BY}{STOP}"), RunEvent(13.9, SESSION_ENDED["off"]))
+    banner = state_of(replace(log, events=(trip, *ended)), run_metrics(log))
+    assert banner.level == "bad"
+    assert trip.message in banner.text
+    assert state_of(replace(log, events=ended), run_metrics(log)).level == "good"
 
 
 def test_models_of_an_adaptation_are_logged(logged):
@@ -174,6 +182,7 @@ def test_report_shows_states_and_changes_and_no_tracking_metric(logged, tmp_path
     page = (tmp_path / "tuning.html").read_text()
     assert np.isnan(summary.rms_percent)
     assert "RMS error" not in page
+    assert "There is no reference" not in page
     for text in ("tuning session", "Changes", "mu_heating = 90.5", "Model 2", "mode: tracking"):
         assert text in page
     assert "part 1 of" not in page

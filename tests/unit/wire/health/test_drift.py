@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smadrive.hysteresis import DuhemModel
-from smadrive.wire.health.drift import HealthVerdict, slope, wire_health
+from smadrive.wire.health.drift import DRIFTED, HealthVerdict, slope, wire_health
 from smadrive.wire.health.entry import IDENTIFICATION, Estimate, HealthEntry, LoopShape
 from smadrive.wire.health.sensitivity import LoopWidths, error_gains
 
@@ -52,12 +52,32 @@ def test_scatter_within_the_errors_is_no_drift():
 
 
 def test_single_strange_run_is_no_drift():
-    assert health(run(), run(heating_c=Estimate(95.0, 0.1))).verdict is HealthVerdict.UNCHANGED
+    strange = run(heating_c=Estimate(95.0, 0.1))
+    assert not health(run(), strange).drifts["heating_c"].counts
+    assert health(run(), strange, run()).verdict is HealthVerdict.UNCHANGED
+
+
+def test_last_run_that_differs_is_not_called_unchanged():
+    found = health(run(), run(heating_c=Estimate(95.0, 0.1)))
+    assert found.verdict is HealthVerdict.UNCONFIRMED
+    assert [name for name, drift in found.drifts.items() if drift.is_significant] == ["heating_c"]
+
+
+@pytest.mark.parametrize(("before", "ohm"), [(0, 2.5), (3, 2.5), (3, 9.0)])
+def test_single_run_shows_a_jump_of_the_resistance(before, ohm):
+    """The first cases are another wire, the last is a cracked crimp: a small jump that the calm runs make visible."""
+    calm, jumped = run(rest_spread=0.005), run(rest_ohm=Estimate(ohm, 0.01), rest_spread=0.005, tripped=True)
+    found = health(*[calm] * before, jumped)
+    assert found.verdict is HealthVerdict.JUMPED
+    assert found.verdict in DRIFTED
+    assert health(*[calm] * before, jumped, jumped).verdict is HealthVerdict.JUMPED
+    assert health(*[calm] * 3, jumped, calm).verdict is HealthVerdict.UNCHANGED
 
 
 def test_drifts_in_opposite_directions_are_none():
-    runs = run(heating_c=Estimate(91.0, 0.1)), run(heating_c=Estimate(89.0, 0.1))
-    assert health(*runs).verdict is HealthVerdict.UNCHANGED
+    found = health(run(heating_c=Estimate(91.0, 0.1)), run(heating_c=Estimate(89.0, 0.1)))
+    assert not found.drifts["heating_c"].counts
+    assert found.error_percent == 0.0
 
 
 def test_small_drift_says_when_to_identify_again():
