@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from paho.mqtt.client import Client, MQTTMessage, MQTTMessageInfo
+from paho.mqtt.client import Client, MQTTMessage
 from paho.mqtt.enums import CallbackAPIVersion
 
 from smadrive.telemetry.address import BrokerAddress, tls_context
@@ -23,6 +23,24 @@ RETRY_S = (1, 5)
 
 IN_FLIGHT = 100
 """Number of messages that may wait for their confirmation."""
+
+MOST_NUMBERS = 65535
+"""Number of messages that MQTT can tell apart."""
+
+
+class Delivery:
+    """A message on its way to the broker. `confirmed` holds the numbers of the messages that the broker has confirmed.
+
+    paho's own object raises an error for ever if the message found no connection, although paho sends it later.
+    """
+
+    def __init__(self, number: int, confirmed: set[int]) -> None:
+        self._number = number
+        self._confirmed = confirmed
+
+    def is_published(self) -> bool:
+        """Return True if the broker has confirmed the message."""
+        return self._number in self._confirmed
 
 
 class Broker:
@@ -44,6 +62,8 @@ class Broker:
         self.trouble = ""
         self._command = command
         self._on_command = on_command
+        self._number = 0
+        self._confirmed = set[int]()
         self._client = Client(CallbackAPIVersion.VERSION2, client_id=client_id)
         self._client.will_set(*will, qos=QOS, retain=True)
         self._client.reconnect_delay_set(*RETRY_S)
@@ -56,6 +76,7 @@ class Broker:
         self._client.on_connect_fail = self._failed
         self._client.on_disconnect = self._disconnected
         self._client.on_message = self._received
+        self._client.on_publish = self._published
         self._client.connect_async(address.host, address.port, keepalive=KEEPALIVE_S)
         self._client.loop_start()
 
@@ -64,9 +85,17 @@ class Broker:
         """True while the broker answers, as far as it is known."""
         return self._client.is_connected()
 
-    def publish(self, topic: str, payload: str, *, retain: bool = False) -> MQTTMessageInfo:
-        """Queue a message. Its `is_published()` is True when the broker has confirmed it."""
-        return self._client.publish(topic, payload, QOS, retain)
+    def publish(self, topic: str, payload: str, *, retain: bool = False) -> Delivery:
+        """Queue a message, without waiting."""
+        number = self._client.publish(topic, payload, QOS, retain).mid
+        self._forget_until(number)
+        return Delivery(number, self._confirmed)
+
+    def _forget_until(self, number: int) -> None:
+        """Forget the confirmations half a cycle ahead: after `MOST_NUMBERS` messages, paho counts from 1 again."""
+        while self._number != number:
+            self._number = self._number % MOST_NUMBERS + 1
+            self._confirmed.discard((self._number + MOST_NUMBERS // 2) % MOST_NUMBERS + 1)
 
     def close(self) -> None:
         """Disconnect, so that the broker does not publish the will, and end the thread."""
@@ -81,6 +110,9 @@ class Broker:
             client.subscribe(self._command, QOS)
         self.trouble = ""
         self.connections += 1
+
+    def _published(self, _client: Client, _data: Any, number: int, _reason: Any, _properties: Any) -> None:
+        self._confirmed.add(number)
 
     def _failed(self, _client: Client, _data: Any) -> None:
         self.trouble = "the broker cannot be reached"

@@ -138,3 +138,6 @@ def _say_counts(publication: Publication, output: Output) -> None:
         f"published: {counts.samples} samples, {counts.dropped} dropped, {counts.waiting} not confirmed, "
         f"{count_text(counts.connections, 'connection')}"
     )
+    if counts.samples == 0:
+        reason = counts.trouble or "the broker has confirmed no sample"
+        output.warn([f"nothing was published to {publication.address}: {reason}; check that the broker runs there"])

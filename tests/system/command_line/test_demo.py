@@ -48,6 +48,7 @@ def test_model_has_22_rules_and_is_certified(demo):
     assert figures["identify"]["certificate"]["holds"] is True
 
 
+@pytest.mark.exhaustive
 def test_first_line_says_what_the_demo_does_before_the_simulator_serves(tmp_path):
     with subprocess.Popen(
         [*DEMO, "-o", tmp_path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True

@@ -71,6 +71,7 @@ def visited(page):
         visitor.join()
 
 
+@pytest.mark.exhaustive
 def test_tune_prints_its_state_and_its_open_pages(tmp_path):
     save_model(WIRE, tmp_path / "wire.json")
     with ServedSimulator("flexinol-lt-0.15mm", real_time=True) as simulator:

@@ -111,6 +111,7 @@ def answered(address, method, path):
         return connection.getresponse().read().decode()
 
 
+@pytest.mark.exhaustive
 def test_page_shows_every_measurement_without_controls_and_ends_with_the_command(tmp_path):
     with served("--pty", str(tmp_path / "port")) as (_, url):
         rig = (configs_dir() / "rigs" / "simulated.toml").read_text()

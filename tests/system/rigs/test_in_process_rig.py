@@ -68,6 +68,7 @@ def test_identification_recovers_the_simulated_wire_from_its_record(excited):
     assert len(wire.hysteresis.model.rules) == 22
 
 
+@pytest.mark.exhaustive
 def test_the_inverse_tracks_ten_times_better_than_the_plain_map(excited, tmp_path):
     log, wire = excited
     model, balance = wire.hysteresis.model, wire.thermal.balance

@@ -46,6 +46,7 @@ def test_steep_and_sparse_samples_are_not_followed_one_by_one():
         assert half.ratio < 1.25  # 1.42 with free rules
 
 
+@pytest.mark.exhaustive
 def test_split_gives_the_errors_of_both_halves():
     """Both halves contain the turning points."""
     v = np.concatenate([np.linspace(25, 135, 200), np.linspace(134.5, 25, 201)])

@@ -66,6 +66,7 @@ DRIFTS = {
 
 
 @pytest.mark.parametrize("sensor", ["thermocouple", exhaustive("displacement")])
+@pytest.mark.exhaustive
 def test_fit_to_a_drifting_sensor_keeps_its_warning_in_every_later_model(tracking, sensor):
     """The fitted rules are certified and the residual is small enough, so no other check finds the drift."""
     sensed, fitted = getattr(tracking.device.bench.sensors.faults, sensor), []
