@@ -174,9 +174,15 @@ class WireObserver:
         return wire_c, read_c, before.disturbance_w * self._growth(before, wire_c)
 
     def _growth(self, before: WireEstimate, wire_c: float) -> float:
-        """Return the factor of the unexplained power for a change of the wire temperature to `wire_c`."""
+        """Return the factor of the unexplained power for a change of the wire temperature to `wire_c`.
+
+        A draft, or a lack of convection, grows with the excess over the ambient temperature. A lack of convection is
+        less than the whole loss. More power than that must not grow with the temperature that it raises: the estimate
+        would diverge.
+        """
         excess_c = before.temperature_c - self._balance.ambient_c
-        if abs(before.disturbance_w) <= DRAFT_SHARE * self._balance.loss_w_per_k * excess_c:
+        loss_w = self._balance.loss_w_per_k * excess_c
+        if abs(before.disturbance_w) <= DRAFT_SHARE * loss_w or before.disturbance_w >= loss_w:
             return 1.0
         return max(wire_c - self._balance.ambient_c, LEAST_EXCESS_C) / max(excess_c, LEAST_EXCESS_C)
 

@@ -79,6 +79,15 @@ def test_draft_is_found_within_a_second_without_displacement(factor):
     assert rms((blind - displacement)[340:]) < 0.03 * 12
 
 
+def test_unexplained_power_above_the_loss_does_not_grow_with_the_temperature_that_it_raises():
+    observer, nothing = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012), float("nan")
+    estimate = observer.start(22.0, nothing)._replace(temperature_c=60.0, disturbance_w=2.0)
+    for _ in range(4000):
+        estimate = observer.update(estimate, nothing, nothing, 0.0, DT_S)
+    assert estimate.disturbance_w == 2.0
+    assert estimate.temperature_c == pytest.approx(TRUE.ambient_c + 2.0 / TRUE.loss_w_per_k, abs=1.0)
+
+
 def test_draft_is_limited_without_displacement():
     """A reading of half the rise looks like a draft, but the bead may have come off."""
     observer = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012)
