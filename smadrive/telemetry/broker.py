@@ -62,7 +62,7 @@ class Broker:
         self.trouble = ""
         self._command = command
         self._on_command = on_command
-        self._number = 0
+        self._latest = 0
         self._confirmed = set[int]()
         self._client = Client(CallbackAPIVersion.VERSION2, client_id=client_id)
         self._client.will_set(*will, qos=QOS, retain=True)
@@ -92,10 +92,13 @@ class Broker:
         return Delivery(number, self._confirmed)
 
     def _forget_until(self, number: int) -> None:
-        """Forget the confirmations half a cycle ahead: after `MOST_NUMBERS` messages, paho counts from 1 again."""
-        while self._number != number:
-            self._number = self._number % MOST_NUMBERS + 1
-            self._confirmed.discard((self._number + MOST_NUMBERS // 2) % MOST_NUMBERS + 1)
+        """Forget old confirmations of numbers that come next: after `MOST_NUMBERS` messages, paho counts from 1 again.
+
+        `number` is that of the latest message. The forgotten numbers are half a cycle ahead, so no message loses its own confirmation.
+        """
+        while self._latest != number:
+            self._latest = self._latest % MOST_NUMBERS + 1
+            self._confirmed.discard((self._latest + MOST_NUMBERS // 2) % MOST_NUMBERS + 1)
 
     def close(self) -> None:
         """Disconnect, so that the broker does not publish the will, and end the thread."""

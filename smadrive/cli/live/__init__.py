@@ -1,4 +1,4 @@
-"""What commands share that show a run outside the terminal: `--publish` and the page in the browser.
+"""Shows a run outside the terminal: publishes it for `--publish`, and serves its page in the browser.
 
-It may import tuning, telemetry, rig and everything below them, and `cli.terminal`.
+Commands share it. It may import tuning, telemetry, rig and everything below them, and `cli.terminal`.
 """

@@ -128,6 +128,7 @@ class Adaptation:
         if self._v is None:
             if isfinite(displacement_mm):
                 self._start(v, displacement_mm)
+                self._predicted, _ = self._prediction()
                 self._mark(displacement_mm / abs(self._base.scale))
             return
         travel = abs(v - self._v)
@@ -219,7 +220,6 @@ class Adaptation:
 
     def _mark(self, measured: float) -> None:
         """Keep the present parameters, because the sensor has followed the wire since the last check."""
-        self._predicted, _ = self._prediction()
         self._travel = Travel(measured)
         self._marked.append(self._theta)
 
