@@ -94,7 +94,8 @@ class Broker:
     def _forget_until(self, number: int) -> None:
         """Forget old confirmations of numbers that come next: after `MOST_NUMBERS` messages, paho counts from 1 again.
 
-        `number` is that of the latest message. The forgotten numbers are half a cycle ahead, so no message loses its own confirmation.
+        `number` is that of the latest message. The forgotten numbers are half a cycle ahead, so no message loses its own
+        confirmation.
         """
         while self._latest != number:
             self._latest = self._latest % MOST_NUMBERS + 1
