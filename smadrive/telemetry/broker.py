@@ -92,7 +92,7 @@ class Broker:
         return Delivery(number, self._confirmed)
 
     def _forget_until(self, number: int) -> None:
-        """Forget old confirmations of numbers that come next: after `MOST_NUMBERS` messages, paho counts from 1 again.
+        """Forget old confirmations of the next numbers: after `MOST_NUMBERS` messages, paho counts from 1 again.
 
         `number` is that of the latest message. The forgotten numbers are half a cycle ahead, so no message loses its own
         confirmation.
