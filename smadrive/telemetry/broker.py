@@ -94,7 +94,7 @@ class Broker:
     def _forget_until(self, number: int) -> None:
         """Forget old confirmations of the next numbers: after `MOST_NUMBERS` messages, paho counts from 1 again.
 
-        `number` is that of the latest message. The forgotten numbers are half a cycle ahead, so no message loses its own
+        `number` is that of the latest message. What is forgotten lies half a cycle ahead, so no message loses its own
         confirmation.
         """
         while self._latest != number:
