@@ -7,7 +7,7 @@ import os
 import secrets
 import webbrowser
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
 from itertools import count
 from pathlib import Path
@@ -81,8 +81,9 @@ def main(
         BuilderProcess() as builder,
         ControlEnd() as channel,
         _publication(publish, config, channel, output) as publication,
-        Rig(config) as open_rig,
+        ExitStack() as rig_use,
     ):
+        open_rig = rig_use.enter_context(Rig(config))
         properties = WireProperties(wire.heat_balance or open_rig.nominal_balance, wire.resistance)
         _check(open_rig, properties, tuning, output)
         check_real_time(open_rig)
@@ -110,7 +111,7 @@ def main(
                 if browser and not as_json:
                     webbrowser.open(page.url)
                 use_real_time_scheduling()
-                with watched(view, output):
+                with watched(view, output), rig_use:  # frees the ports first: `smadrive off` waits for them
                     session.run()
 
 

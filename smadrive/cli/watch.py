@@ -72,8 +72,9 @@ def main(
         with (
             notes_waiting_guardians(),
             run_publication(publish, config, "watch", output) as publication,
-            Rig(config, trace_folder=trace) as open_rig,
+            ExitStack() as rig_use,
         ):
+            open_rig = rig_use.enter_context(Rig(config, trace_folder=trace))
             publication.begin(open_rig)
             _check_end(open_rig, length_s)
             _print_latched(open_rig, output)
@@ -88,7 +89,8 @@ def main(
                     takers.append(feed.tick)
                     ends.append(feed.off_requested)
                 takers.append(stack.enter_context(watched_values(config.name, output)))
-                observe(open_rig, length_s, each(takers), lambda: any(is_ended() for is_ended in ends))
+                with rig_use:  # frees the ports first: `smadrive off` waits for them
+                    observe(open_rig, length_s, each(takers), lambda: any(is_ended() for is_ended in ends))
     finally:
         if extremes.count:
             output.table(("quantity", "last", "lowest", "highest"), extremes.rows())

@@ -1,6 +1,7 @@
 """`smadrive off` while a driver runs: the driver ends, and the heater is confirmed off, in real time."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import tomllib
 import programs
 import pytest
 from marks import exhaustive
+from process_tree import children
 from served import PATIENT, served
 from supply_rig import DRIVER, RIG, patient
 
@@ -222,6 +224,22 @@ def test_command_that_is_stopped_ends_with_the_code_of_safety_and_latches_no_tri
     (log,) = heated.rig.parent.glob("*.h5")
     assert read_log(log).ended_by == f"{STOP}: `smadrive off`"
     assert (done["stopped_drivers"], done["faults"]) == ([{"pid": driver.pid, "killed": False}], [])
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("heated", ["board"], indirect=True)
+@pytest.mark.parametrize("command", [("tune", "--model", "wire.json"), ("watch", "--page")], ids=["tune", "watch"])
+def test_pages_that_hang_do_not_hold_the_line(heated, command):
+    save_model(WIRE, heated.rig.parent / "wire.json")
+    name, *options = command
+    with heated.start("-m", "smadrive", name, "rig.toml", *options, "--port", "0", "--no-browser") as driver:
+        while "http://" not in driver.stdout.readline():
+            pass
+        for child in children(driver.pid):
+            os.kill(child, signal.SIGSTOP)
+        done = heated.off()
+        assert driver.wait() > 0
+    assert done["stopped_drivers"] == [{"pid": driver.pid, "killed": False}]
 
 
 @pytest.mark.parametrize("code", [TRIES_AGAIN, IN_A_THREAD], ids=["tries again after every error", "in a thread"])
