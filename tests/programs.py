@@ -1,9 +1,10 @@
 """Python programs as processes whose imports are done already.
 
 `Program` and `run` take the place of `subprocess.Popen` and `subprocess.run` for `python -m MODULE ...` and
-`python -c CODE ...`. One server per test process imports the modules of `IMPORTED` once and forks a child for every
-program. The child has the arguments, folder, environment and standard streams that it was given. What is not tested
-this way is the start itself and the teardown of the interpreter; tests of these use `subprocess`.
+`python -c CODE ...`. One server, which all workers of a test run share, imports the modules of `IMPORTED` once and
+forks a child for every program. The child has the arguments, folder, environment and standard streams that it was
+given. What is not tested this way is the start itself and the teardown of the interpreter; tests of these use
+`subprocess`.
 """
 
 import atexit
@@ -22,6 +23,7 @@ import struct
 import subprocess
 import sys
 import threading
+import time
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -36,6 +38,9 @@ IMPORTED = (
 STATUS = struct.Struct("i")
 MOST_BYTES = 2**17
 """Largest size of a request, which is arguments, environment and folder as JSON."""
+FIRST_CLIENT_WITHIN_S = 60.0
+"""A server without a client ends after this time in s."""
+CONNECTS_WITHIN_S = 60.0
 
 
 class Program(subprocess.Popen):
@@ -123,38 +128,72 @@ def open_files(pid):
 
 @cache
 def server():
-    """Return the connection to the server of this process. The server ends when the connection is closed."""
-    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    with theirs:
-        command = [sys.executable, __file__, str(theirs.fileno())]
-        _running.append(subprocess.Popen(command, pass_fds=[theirs.fileno()], start_new_session=True))
-    return ours
+    """Return the connection to the server of this test run. The server ends when its last connection is closed.
+
+    A worker that finds no server starts one. Of several that start at once, all but the first find the address in use
+    and end.
+    """
+    name = "programs of " + os.environ.get("PYTEST_XDIST_TESTRUNUID", f"process {os.getpid()}")
+    connection = _seqpacket()
+    give_up_s = time.monotonic() + CONNECTS_WITHIN_S
+    while True:
+        try:
+            connection.connect(f"\0{name}")
+        except ConnectionRefusedError:
+            if time.monotonic() > give_up_s:
+                raise
+            if not _started or _started[-1].poll() is not None:
+                _started.append(_start(name))
+            time.sleep(0.01)
+        else:
+            return connection
 
 
-_running = []
+_started = []
+
+
+def _start(name):
+    command = [sys.executable, __file__, name]
+    return subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True)
 
 
 def end_server():
-    """End the server of this process, if there is one."""
-    if _running:
+    """Close the connection of this process to the server. Wait for the server if this process has started it."""
+    if server.cache_info().currsize:
         server().close()
         server.cache_clear()
-        _running.pop().wait()
+    while _started:
+        _started.pop().wait()
 
 
-def _next_program(control):
-    """Return the request that this forked child must run. In the server, return only when its client is gone."""
+def _seqpacket():
+    return socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+
+def _next_program(listener):
+    """Return the request that this forked child must run. In the server, return only when its last client is gone."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the waiting processes, below, leave nothing behind
-    while True:
-        message, streams, _, _ = socket.recv_fds(control, MOST_BYTES, 4)
-        if not message:
-            sys.exit()
-        if os.fork():
-            for stream in streams:
-                os.close(stream)
-        elif not _is_forked_again(streams[0]):
-            control.detach()
-            return json.loads(message), streams[1:]
+    clients = []
+    while ready := select.select([listener, *clients], [], [], None if clients else FIRST_CLIENT_WITHIN_S)[0]:
+        if listener in ready:
+            clients.append(listener.accept()[0])
+        for client in clients[:]:
+            if client not in ready:
+                continue
+            message, streams, _, _ = socket.recv_fds(client, MOST_BYTES, 4)
+            if not message:
+                clients.remove(client)
+                client.close()
+            elif os.fork():
+                for stream in streams:
+                    os.close(stream)
+            elif not _is_forked_again(streams[0]):
+                for one in (listener, *clients):
+                    one.detach()
+                return json.loads(message), streams[1:]
+        if not clients:
+            break
+    sys.exit()
 
 
 def _is_forked_again(status):
@@ -211,12 +250,18 @@ def _end(status):
     sys.exit(status)  # a stream cannot be flushed: the interpreter reports it
 
 
-def _serve(control):
-    for name in IMPORTED:
-        importlib.import_module(name)
+def _serve(name):
+    listener = _seqpacket()
+    try:
+        listener.bind(f"\0{name}")
+    except OSError:  # another worker has started the server
+        return
+    listener.listen(64)
+    for module in IMPORTED:
+        importlib.import_module(module)
     gc.collect()
     gc.freeze()
-    (arguments, *surroundings), streams = _next_program(control)
+    (arguments, *surroundings), streams = _next_program(listener)
     _become(*surroundings, streams)
     status = 0
     try:
@@ -229,4 +274,4 @@ def _serve(control):
 
 
 if __name__ == "__main__":
-    _serve(socket.socket(fileno=int(sys.argv[1])))
+    _serve(sys.argv[1])

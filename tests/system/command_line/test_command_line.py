@@ -139,7 +139,8 @@ def test_every_figure_of_a_certificate_has_a_meaning_and_a_verdict():
     assert "a branch reverses by 30 %" in bad["certified"][1]
 
 
-@pytest.mark.parametrize("stress", [exhaustive("100MPa"), "172MPa"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("stress", ["100MPa", "172MPa"])
 def test_measured_flexinol_is_identified(tmp_path, stress):
     source = SHARED / "flexinol_isobaric" / f"{stress}.csv"
     if not source.exists():
@@ -195,6 +196,7 @@ def test_smoothed_run_reports_its_distance_from_the_given_reference_and_logs_it(
     assert spans_mm[1] < spans_mm[0] - 1.0
 
 
+@pytest.mark.exhaustive
 def test_tripped_run_prints_its_metrics_until_the_trip_and_the_trip(track, tmp_path):
     ran, _ = track(ANY_SINE)
     assert ran["tripped"] is None
@@ -267,7 +269,7 @@ def test_output_in_another_encoding_has_substitutes(tmp_path, encoding):
     assert len(table) > 6
 
 
-@pytest.mark.parametrize("argument", ["nosüch", b"nos\xfcch"])
+@pytest.mark.parametrize("argument", ["nosüch", exhaustive(b"nos\xfcch")])
 def test_error_in_ascii_has_substitutes(tmp_path, argument):
     command = [sys.executable, "-m", "smadrive", "probe", argument]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}

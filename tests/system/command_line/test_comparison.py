@@ -62,6 +62,7 @@ def report(folder, *arguments):
     return programs.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.exhaustive
 def test_page_terminal_and_json_show_the_same_comparison(folder):
     done = report(folder, "first.h5", "slow.h5", "--json")
     assert done.returncode == 0, done.stderr

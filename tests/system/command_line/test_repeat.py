@@ -12,6 +12,7 @@ from math import isnan
 import numpy as np
 import programs
 import pytest
+from marks import exhaustive
 
 from smadrive.cli.views.reports.log_report import write_log_report
 from smadrive.control.references.reference import Reference
@@ -118,7 +119,7 @@ def test_resumed_run_does_the_rest_and_leaves_the_first_log(folder):
     assert "all cycles are done" in again.stderr
 
 
-@pytest.mark.parametrize("options", [("--smooth",), ("--smooth", "--trace", "traces")])
+@pytest.mark.parametrize("options", [exhaustive(("--smooth",)), ("--smooth", "--trace", "traces")])
 def test_resumed_run_says_which_cycles_it_does_and_that_smooth_applies(folder, tmp_path, options):
     log_file = tmp_path / "rest.h5"
     done = smadrive(folder, "run", "in-process", "--resume", "part.h5", "-o", log_file, *options)

@@ -8,6 +8,7 @@ import sys
 
 import programs
 import pytest
+from marks import exhaustive
 
 from smadrive.devices.state.lock import Role, lock_line
 from smadrive.modbus.transports.connect import port_of
@@ -31,7 +32,7 @@ def scan(*arguments):
 
 @pytest.mark.parametrize(
     ("profile", "proved", "possible"),
-    [("riden-rd60xx", ["riden-rd60xx"], []), ("baumer-om20", [], ["baumer-om20"])],
+    [("riden-rd60xx", ["riden-rd60xx"], []), exhaustive("baumer-om20", [], ["baumer-om20"])],
 )
 def test_device_is_found_with_the_profiles_that_match(profile, proved, possible):
     with served(profile) as url:
@@ -66,6 +67,7 @@ def test_no_device_and_invalid_unit_ids_are_errors():
         assert scan("serial:///dev/ttyNONE", "--units", units).returncode == 2
 
 
+@pytest.mark.exhaustive
 def test_port_may_be_a_path():
     with served("sma-reference") as url:
         path = url.removeprefix("serial://").partition("?")[0]

@@ -55,6 +55,7 @@ def excited(identified):
     return identified.log, identified.wire
 
 
+@pytest.mark.exhaustive
 def test_identification_recovers_the_simulated_wire_from_its_record(excited):
     _, wire = excited
     sim = load_sim("flexinol-lt-0.15mm").wire

@@ -8,6 +8,7 @@ import sys
 
 import programs
 import pytest
+from marks import exhaustive
 from served import PATIENT
 
 from firmware_sim.bench import SimulatedBench
@@ -167,7 +168,7 @@ def smadrive(*arguments):
     return programs.run(command, check=False, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("arguments", [(), ("--rtu-tcp", "0")], ids=["pty", "tcp"])
+@pytest.mark.parametrize("arguments", [exhaustive(()), ("--rtu-tcp", "0")], ids=["pty", "tcp"])
 def test_tclab_on_a_port_is_found_probed_and_switched_off(tmp_path, arguments):
     with served(tmp_path, *arguments) as (_, url, rig):
         address = url + PATIENT + ("&baudrate=115200" if url.startswith("serial") else "")

@@ -186,6 +186,7 @@ def test_killed_loop_is_an_error_and_the_watchdog_switches_off(identified, tmp_p
     assert log.column("commanded_a").max() == 0.2
 
 
+@pytest.mark.exhaustive
 def test_lost_device_is_a_trip_that_says_that_off_is_unconfirmed(identified, tmp_path):
     with (
         on_a_port(tmp_path, "watchdog_s = 0.5") as (rig_file, simulator),
@@ -242,6 +243,7 @@ def test_idle_loop_that_was_stopped_has_not_died():
     assert (caught.value.value, caught.value.cure) == (None, "open the rig again")
 
 
+@pytest.mark.exhaustive
 def test_rig_that_a_script_opens_twice_is_busy_by_this_script(tmp_path):
     with on_a_port(tmp_path) as (rig_file, _), smadrive.open_rig(rig_file) as rig:
         with pytest.raises(BusyError, match="this script") as refused:

@@ -59,6 +59,7 @@ class Traceable(Exception):
     """An error of the user's own."""
 
 
+@pytest.mark.exhaustive
 def test_identified_wire_drives_the_rig(rig, wire):
     run = rig.track(SINE, wire, "tracked.h5")
     assert run.rms_percent < 2.0

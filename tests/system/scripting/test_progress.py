@@ -75,6 +75,7 @@ def kernel(tmp_path):
 
 
 @pytest.mark.exhaustive
+@pytest.mark.exhaustive
 def test_interrupted_kernel_ends_the_run_confirmed(kernel, identified, tmp_path):
     manager, client = kernel
     log = tmp_path / "run.h5"

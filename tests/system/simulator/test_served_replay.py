@@ -73,6 +73,7 @@ def probe(port, *options, cwd):
     return programs.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.exhaustive
 def test_trace_of_a_command_answers_the_same_command(tmp_path):
     there, again = tmp_path / "there", tmp_path / "again"
     with served("--pty", str(there)):

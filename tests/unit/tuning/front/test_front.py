@@ -95,6 +95,7 @@ def stopped(pid):
         os.kill(pid, signal.SIGCONT)
 
 
+@pytest.mark.exhaustive
 def test_off_is_answered_while_200_page_loads_are_pending(served):
     offs = served.channel.offs
     with ExitStack() as stack:
@@ -191,6 +192,7 @@ def test_taken_port_is_refused(served, control, tmp_path):
         pass
 
 
+@pytest.mark.exhaustive
 def test_last_message_to_a_page_is_how_the_run_has_ended(control, tmp_path, monkeypatch):
     monkeypatch.setattr(processes, "FROZEN_LOOKS", 1_000_000)  # a busy machine may stop the front process for a second
     monkeypatch.setattr(supervised_process, "END_WITHIN_S", PATIENCE_S)

@@ -111,6 +111,7 @@ def test_every_action_of_a_page_is_refused_unless_it_controls(opened, tmp_path):
     assert bool(list(tmp_path.iterdir())) == controls
 
 
+@pytest.mark.exhaustive
 def test_looking_back_sends_no_request_and_is_refused_to_no_page(opened, tmp_path):
     page, _ = opened
     looks = {name: act for name, act in page.acts() if name[0] in LOOKS}

@@ -30,7 +30,7 @@ def faulty_rig(ruled_rig):
     return ruled_rig
 
 
-@pytest.mark.parametrize("off_after_s", [None, *map(exhaustive, (0.05, 0.1, 0.15))])
+@pytest.mark.parametrize("off_after_s", list(map(exhaustive, (None, 0.05, 0.1, 0.15))))
 def test_rules_from_before_a_sensor_fault_are_put_in_force_again(faulty_rig, off_after_s):
     """The adaptation learns wrong rules from a drifting thermocouple. They must not stay, whenever OFF comes."""
     spoilt = []

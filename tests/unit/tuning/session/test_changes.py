@@ -100,6 +100,7 @@ def test_rule_change_outside_the_certificate_is_refused(ruled_rig):
     assert ruled_rig.status["undo"] == "rule 8 heating"
 
 
+@pytest.mark.exhaustive
 def test_comparison_alternates_and_scores_the_better_tuning_better(rig):
     rig.at(1.0, "arm")
     rig.at(1.1, "keep", slot="A")

@@ -20,6 +20,7 @@ def test_idle_session_measures_and_does_not_heat(rig):
     assert len(rig.page.since(0)[1]) == rig.page.written >= 58
 
 
+@pytest.mark.exhaustive
 def test_armed_session_follows_a_reference_repeatedly(rig):
     arm, start = rig.at(1.0, "arm"), rig.at(2.0, "track", reference="sine")
     rig.run(until_s=140.0)

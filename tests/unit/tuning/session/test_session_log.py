@@ -122,6 +122,7 @@ def test_trip_is_logged_with_its_remedy_and_the_session_goes_on(logged):
     assert state_of(replace(log, events=ended), run_metrics(log)).level == "good"
 
 
+@pytest.mark.exhaustive
 def test_models_of_an_adaptation_are_logged(logged):
     rig = logged.rig
     rig.at(0.5, "adapt", on=True)
