@@ -24,6 +24,8 @@ from smadrive.scripting.arguments import (
     ReferenceLike,
     WireLike,
     check_displacement_within,
+    check_reference_within,
+    permitted_mm,
     reference_of_argument,
     travel_limits_mm,
     wire_of_argument,
@@ -50,7 +52,7 @@ class SmaWire:
         self.name = name
         self._rig = rig
         self._wire = wire_of_argument(wire)
-        self._settings = SmaWireSettings.for_limits(self.limits).changed(**settings)
+        self._settings = SmaWireSettings.for_limits(travel_limits_mm(self._wire)).changed(**settings)
         self._readings = Readings(name, f"smadrive:{rig.config.name}", rig.quantities)
         self._servo: Servo | None = None
         self._is_staged = False
@@ -68,8 +70,8 @@ class SmaWire:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """The smallest and the greatest displacement that the wire can reach, in mm."""
-        return travel_limits_mm(self._wire)
+        """The smallest and the greatest displacement that the wire can reach and the rig permits, in mm."""
+        return permitted_mm(self._wire, self._rig.config.limits)
 
     @property
     def log_file(self) -> str:
@@ -77,7 +79,7 @@ class SmaWire:
         return "" if self._servo is None else str(self._servo.log_file)
 
     def check_value(self, value: float) -> None:
-        """Raise ConfigError for a displacement in mm that the wire cannot reach."""
+        """Raise ConfigError for a displacement in mm outside `limits`."""
         check_displacement_within(value, self.limits)
 
     def set(self, value: float) -> Motion:
@@ -157,9 +159,9 @@ class SmaWire:
         """Do nothing: the next `set` heats again."""
 
     def prepare(self, value: ReferenceLike) -> Motion:
-        """Choose the reference that `kickoff` tracks. ConfigError if it leaves the travel of the wire."""
+        """Choose the reference that `kickoff` tracks. ConfigError if it leaves the travel or the limits of the rig."""
         reference = reference_of_argument(value)
-        reference.check_within(self.limits)
+        check_reference_within(reference, self._wire, self._rig.config.limits)
         self._reference = reference
         motion = Motion("preparation")
         motion.finish()

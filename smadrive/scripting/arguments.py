@@ -9,6 +9,7 @@ from typing import Literal, Protocol
 
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.step import ManualStep
+from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output, unused_record
@@ -16,7 +17,7 @@ from smadrive.files.kinds import LOG
 from smadrive.files.number_text import shortened
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.numerics.scalars import real_number, whole_number
-from smadrive.rig.config import RigConfig, load_rig
+from smadrive.rig.config import LimitsConfig, RigConfig, load_rig
 from smadrive.runs.cycling.cycles import Cycling
 from smadrive.runs.experiments import read_reference
 from smadrive.runs.tracking_plan import RETURN_S
@@ -113,14 +114,30 @@ def travel_limits_mm(wire: IdentifiedWire) -> tuple[float, float]:
     return min(ends_mm), max(ends_mm)
 
 
+def permitted_mm(wire: IdentifiedWire, limits: LimitsConfig) -> tuple[float, float]:
+    """Return the smallest and the greatest displacement that the wire can reach and the rig permits, in mm."""
+    low_mm, high_mm = travel_limits_mm(wire)
+    if limits.displacement_min_mm is not None:
+        low_mm = max(low_mm, limits.displacement_min_mm)
+    if limits.displacement_max_mm is not None:
+        high_mm = min(high_mm, limits.displacement_max_mm)
+    return low_mm, high_mm
+
+
+def check_reference_within(reference: Reference, wire: IdentifiedWire, limits: LimitsConfig) -> None:
+    """Raise ConfigError for a reference that leaves the travel of the wire, or exceeds a displacement limit."""
+    reference.check_within(travel_limits_mm(wire))
+    check_rig_limits(reference.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
+
+
 def check_displacement_within(displacement_mm: float, limits_mm: tuple[float, float]) -> None:
-    """Raise ConfigError for a displacement outside the limits, and for NaN."""
+    """Raise ConfigError for a displacement outside `limits_mm`, which `permitted_mm` returns, and for NaN."""
     low_mm, high_mm = limits_mm
     if not low_mm <= displacement_mm <= high_mm:
         raise ConfigError(
-            "outside the travel of the identified wire",
+            "outside the travel of the identified wire, or outside the displacement limits of the rig",
             where="displacement_mm",
             value=f"{displacement_mm:.6g} mm",
             limit=f"{low_mm:.6g} to {high_mm:.6g} mm",
-            cure="choose a displacement within this travel",
+            cure="choose a displacement within this range",
         )

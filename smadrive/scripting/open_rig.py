@@ -172,7 +172,7 @@ class OpenRig(RigConnection):
         motions.
         """
         self._check_free()
-        self._servo = Servo(self._client, wire_of_argument(wire), new_log(log, "servo"))
+        self._servo = Servo(self._client, wire_of_argument(wire), self.config.limits, new_log(log, "servo"))
         return self._servo
 
 

@@ -19,8 +19,14 @@ from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, MotionError
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
+from smadrive.rig.config import LimitsConfig
 from smadrive.runs.log.reader import read_log
-from smadrive.scripting.arguments import check_displacement_within, travel_limits_mm
+from smadrive.scripting.arguments import (
+    check_displacement_within,
+    check_reference_within,
+    permitted_mm,
+    travel_limits_mm,
+)
 from smadrive.scripting.loop.loop_client import LoopClient
 from smadrive.scripting.loop.messages import DrivenRun, ServoRequest
 from smadrive.scripting.loop.servo_messages import (
@@ -54,14 +60,15 @@ class Servo:
 
     The run is supervised and recorded in a log like every run. After a trip, all motions fail with its error. `takers`
     are called with each tick, in another thread. `dropped` is the number of ticks that this process missed. `limits`
-    are the smallest and the greatest displacement that the wire can reach, in mm.
+    are the smallest and the greatest displacement that the wire can reach and the rig permits, in mm.
     """
 
-    def __init__(self, client: LoopClient, wire: IdentifiedWire, log_file: Path) -> None:
+    def __init__(self, client: LoopClient, wire: IdentifiedWire, rig_limits: LimitsConfig, log_file: Path) -> None:
         self.log_file = log_file
         self.takers: list[TickHandler] = []
         self.dropped = 0
-        self.limits = travel_limits_mm(wire)
+        self.limits = permitted_mm(wire, rig_limits)
+        self._wire, self._rig_limits = wire, rig_limits
         self._client = client
         self._id = secrets.token_hex(8)
         self._numbers = count(1)
@@ -129,10 +136,10 @@ class Servo:
 
         The motion is done when the displacement has stayed within `tolerance_mm` for `settle_s`. The default is
         `TOLERANCE` times the travel. The motion fails `timeout_s` after the end of its path. Without `speed_mm_per_s`,
-        the greatest speed, a move through the whole travel takes `MOVE_S`. ConfigError for a displacement outside the
-        travel, and for numbers that are not possible.
+        the greatest speed, a move through the whole travel takes `MOVE_S`. ConfigError for a displacement outside
+        `limits`, and for numbers that are not possible.
         """
-        speed, tolerance = default_speed_and_tolerance(self.limits)
+        speed, tolerance = default_speed_and_tolerance(travel_limits_mm(self._wire))
         numbers = {
             "speed_mm_per_s": speed if speed_mm_per_s is None else speed_mm_per_s,
             "tolerance_mm": tolerance if tolerance_mm is None else tolerance_mm,
@@ -147,9 +154,9 @@ class Servo:
     def follow(self, reference: Reference) -> tuple[Motion, Motion]:
         """Move to the beginning of a reference and track it. Return the approach and the whole motion.
 
-        ConfigError for a reference that leaves the travel, or has no end.
+        ConfigError for a reference that leaves the travel, exceeds a displacement limit of the rig, or has no end.
         """
-        reference.check_within(self.limits)
+        check_reference_within(reference, self._wire, self._rig_limits)
         if not isfinite(reference.duration_s):
             raise ConfigError("has no end", where="reference", cure="give it a number of cycles")
         begun_number, approach = self._motion("approach to the reference")

@@ -163,9 +163,9 @@ def test_interruption_during_a_move_ends_at_zero_current(engine, documents, rig,
 
 def test_trip_is_a_failed_status(engine, documents, identified):
     config = load_rig("in-process")
-    limits = config.limits.model_copy(update={"displacement_max_mm": 6.0})
+    limits = config.limits.model_copy(update={"tracking_max_mm": 0.5, "tracking_for_s": 0.2})
     with smadrive.open_rig(config.model_copy(update={"limits": limits})) as rig:
-        wire = SmaWire(rig, identified.wire_file, tolerance_mm=0.2)
+        wire = SmaWire(rig, identified.wire_file, speed_mm_per_s=100.0)  # faster than the wire
         with pytest.raises(FailedStatus) as failed:
             engine(bp.scan([], wire, 4.0, 8.0, 2))
         assert isinstance(failed.value.args[0].exception(), TripError)

@@ -94,6 +94,22 @@ def test_impossible_moves_are_refused(servo, options, where):
     assert refused.value.where == where
 
 
+@pytest.mark.parametrize(("low_mm", "high_mm"), [(3.0, None), (None, 6.0)])
+def test_displacement_beyond_a_limit_of_the_rig_is_refused_before_the_wire_moves(wire, tmp_path, low_mm, high_mm):
+    config = load_rig("in-process")
+    limits = config.limits.model_copy(update={"displacement_min_mm": low_mm, "displacement_max_mm": high_mm})
+    with (
+        smadrive.open_rig(config.model_copy(update={"limits": limits})) as rig,
+        rig.servo(wire, tmp_path / "servo.h5") as servo,
+    ):
+        assert servo.limits[0 if high_mm is None else 1] == (high_mm or low_mm)
+        with pytest.raises(ConfigError) as refused:
+            servo.move(2.0 if high_mm is None else 7.0)
+        assert refused.value.where == "displacement_mm"
+        with pytest.raises(ConfigError):
+            servo.follow(smadrive.sine(low_mm=2, high_mm=7, period_s=20))
+
+
 def test_endless_reference_is_refused(servo):
     with pytest.raises(ConfigError):
         servo.follow(smadrive.sine(low_mm=3, high_mm=7, period_s=20).without_end(1.0))
@@ -121,11 +137,11 @@ def test_callbacks_are_called_once(servo):
 
 def test_trip_fails_the_motion_and_ends_at_zero_current(wire, tmp_path):
     config = load_rig("in-process")
-    limits = config.limits.model_copy(update={"displacement_max_mm": 6.0})
+    limits = config.limits.model_copy(update={"tracking_max_mm": 0.5, "tracking_for_s": 0.2})
     with smadrive.open_rig(config.model_copy(update={"limits": limits})) as rig:
         servo = rig.servo(wire, tmp_path / "tripped.h5")
         servo.move(4.0).wait()
-        motion = servo.move(8.0)
+        motion = servo.move(8.0, speed_mm_per_s=100.0)  # faster than the wire
         assert isinstance(motion.exception(None), TripError)
         with pytest.raises(TripError) as tripped:
             servo.stop()
