@@ -118,7 +118,7 @@ class Probes:
         return reply_kind(unit_id, one) not in self._silent
 
     def _clean(self, unit_id: int, request: Request, tries: Iterable[Request], now_s: float) -> Iterator[Request]:
-        """Return the `tries` whose replies differ in kind from all outstanding frames and the reply to `request`."""
+        """Return the `tries` whose replies differ in kind from each outstanding frame and the reply to `request`."""
         own = reply_kind(unit_id, request)
         kinds = ((one, reply_kind(unit_id, one)) for one in tries)
         return (one for one, kind in kinds if kind != own and not self._outstanding.holds(kind, now_s))
