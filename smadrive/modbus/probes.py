@@ -6,9 +6,9 @@ outstanding.py) distinguishes it from other frames.
 A probe is a read whose reply differs in kind from every outstanding frame. The answer to a probe proves that no reply
 to an older request of this unit can arrive any more.
 
-A sync is a read for which no frame of the kind of its answer has arrived lately. So its answer cannot be a copy of an
-older reply. The unit answers in order, so no older reply can arrive after the answer to a sync. The next reply
-therefore belongs to the next request.
+A sync is a read whose reply differs in kind from all frames that have arrived lately. So the answer to a sync cannot be
+a copy of an older reply. The unit answers in order, so no older reply can arrive after the answer to a sync. The next
+reply therefore belongs to the next request.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from smadrive.modbus.outstanding import LATEST_REPLY_S, Kind, Outstanding, excep
 from smadrive.modbus.requests import Request
 
 FRESH = 16
-"""A kind has not arrived lately if none of the last `FRESH` frames had it: a gateway may lag by that many replies."""
+"""A kind has not arrived lately if none of the last `FRESH` frames was of this kind: a gateway may lag that much."""
 NEVER = -FRESH - 1
 
 
@@ -66,7 +66,7 @@ class Probes:
         2. reads with other functions, but only from `attempt` 1 on
         3. reads of other lengths
 
-        Return None when each of these reads has the kind of an outstanding frame or of the reply to `request`.
+        Return None when the reply to each of them has the kind of an outstanding frame or of the reply to `request`.
         """
         others = () if attempt == 0 else _other_functions(request)
         tries = chain(self._answered_reads(unit_id), others, _other_lengths(request))
@@ -75,7 +75,7 @@ class Probes:
     def sync_request(self, unit_id: int, request: Request, now_s: float) -> Request:
         """Return a sync for `request`.
 
-        The first choice is a read that the unit has answered, if the last `FRESH` frames contain no answer of its kind.
+        The first choice is a read that the unit has answered, if the last `FRESH` frames hold no answer of this kind.
         Otherwise the choice includes reads of other lengths and functions, except those that got no answer before. Of
         these, return the read whose kind of answer never arrived, or arrived longest ago. If no read has another kind
         than the reply to `request`, return `request`.
@@ -89,10 +89,11 @@ class Probes:
         return min([*answered, *tries], key=lambda one: self._last_arrival(unit_id, one), default=request)
 
     def answered_sync_request(self, unit_id: int, request: Request, now_s: float) -> Request | None:
-        """Return a sync for a unit that may ignore unknown reads: one that it has answered, or with fewer addresses.
+        """Return a sync for `request`: a read that the unit has answered, or the same read of fewer addresses.
 
-        Of these reads, return the one whose kind of answer never arrived, or arrived longest ago. Return None if each
-        of them has the kind of an outstanding frame or of the reply to `request`.
+        A unit may ignore other reads. Of these reads, return the one whose kind of answer never arrived, or arrived
+        longest ago. Return None if the reply to each of them has the kind of an outstanding frame or of the reply to
+        `request`.
         """
         answered = self._clean(unit_id, request, self._answered_reads(unit_id), now_s)
         return min(answered, key=lambda one: self._last_arrival(unit_id, one), default=None)

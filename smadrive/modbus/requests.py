@@ -2,8 +2,8 @@
 
 A right reply begins with bytes that are known before the request is sent: function and byte count of a read, or the
 echo of a write. Its length is known, too. So a request consists of its PDU, and of the head and the size of the right
-reply. Comparing the head checks function, byte count, register count and echoed address in one step. If two
-replies differ in head or size, one can never be taken for the other.
+reply. Comparing the head checks function, byte count, register count and echoed address in one step. If two replies
+differ in head or size, one can never be taken for the other.
 
 Limits of the standard (application protocol V1.1b3, section 6) are checked when the request is made.
 """

@@ -6,7 +6,7 @@
         0.203120 < 01 03 04 53 4D 00 01 ... | unit 1: 21325 1
 
 Each frame is one line. A reply that came in pieces is one line, at the time of its last piece. If no reply follows a
-request, the request was not answered. The trace of a board that speaks text has its lines of text instead of
+request, the request was not answered. The trace of a board that speaks text contains lines of text instead of
 frames; `--replay` cannot use such a trace.
 """
 
@@ -43,8 +43,8 @@ class TraceFile:
     """A file with every frame on the bus of `transport`: `ModbusClient(transport, trace=TraceFile(path, transport))`.
 
     It is a context manager. Times are in seconds since the trace began. A line is written after its frame has passed.
-    If a line cannot be written (a full disk), the trace ends before it, and a warning with time and reason is logged
-    at the exit of the context. `speaks_text` is True for a board that exchanges lines of text instead of frames.
+    If a line cannot be written (a full disk), the trace ends before this line, and a warning with time and reason is
+    logged at the exit of the context. `speaks_text` is True for a board that exchanges lines of text instead of frames.
     """
 
     def __init__(self, path: Path, transport: Transport, *, speaks_text: bool = False) -> None:

@@ -1,8 +1,8 @@
 """The rules of the client as tables: the verdict on the bytes that arrived, its consequences, the connection's states.
 
 A reply is accepted only if unit, function, byte count (or echo), length and CRC match the request. A reply may answer
-an earlier request if a frame of its kind (see outstanding.py) is outstanding. An exception may do so on RTU only. On
-Modbus TCP, framing.py has already dropped the frames with the transaction number of another request.
+an earlier request if a frame of its kind (see outstanding.py) is outstanding. On RTU, the same holds for an exception.
+On Modbus TCP, framing.py has already dropped the frames with the transaction number of another request.
 
     what arrived                 no frame of its kind outstanding     a frame of its kind outstanding
     the reply                    ANSWERED                             STALE

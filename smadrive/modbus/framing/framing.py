@@ -16,7 +16,7 @@ from smadrive.errors import ProtocolError
 from smadrive.modbus.framing import mbap, rtu
 
 REMEMBERED = 1024
-"""The number of unanswered requests, the latest ones, whose transaction numbers are not used again."""
+"""The transaction numbers of the latest unanswered requests, at most this many, are not used again."""
 NEAR = 16
 """A new transaction number differs from the previous one by more than this: a faulty server may be off by a few."""
 

@@ -43,7 +43,7 @@ BAUDRATES = (50, 12_000_000)
 """The lowest baud rate that Linux knows, and the highest of an adapter on the market, in bits per second."""
 
 _NO_PATH = (errno.ELOOP, errno.ENAMETOOLONG)
-"""Error numbers of `stat` for a path that can never be a port. A missing file is none of them: it may appear later."""
+"""Error numbers of `stat` for a path that can never be a port. ENOENT is not listed: the port may appear later."""
 
 MOST_LATENCY_MS = 5000
 """Longest latency that a URL can set, in ms. It must be shorter than outstanding.py's `LATEST_REPLY_S`."""
@@ -91,8 +91,8 @@ def latency_s_of(url: str) -> float:
 def is_remote(url: str) -> bool:
     """Return True if the URL leads over a network.
 
-    A second connection over a network may fail, because the device may accept only one client. A second process can
-    open a local port.
+    The number of clients differs: a device on a network may accept only one client, but two processes can open a local
+    port.
     """
     return _split(url).scheme in ("tcp", "rtu+tcp")
 

@@ -48,8 +48,8 @@ class PseudoTerminal:
     def exists(self) -> bool:
         """True if the pseudo-terminal has not ended.
 
-        The link count of the file in /dev/pts becomes 0 at the end. The times of the file prove nothing, because they
-        also change with owner and permissions.
+        The link count of the file in /dev/pts is 0 after the end. The times of the file prove nothing: they change with
+        owner and permissions, too.
         """
         return os.fstat(self._descriptor).st_nlink > 0
 

@@ -46,7 +46,7 @@ class SocketTransport(DescriptorTransport):
     reconnects = True
 
     def __init__(self, host: str, port: int, framing: Framing, baudrate: int | None, latency_s: float = 0.0) -> None:
-        """Connect to the host. `baudrate` is that of the serial line behind a gateway; it is None for Modbus TCP.
+        """Connect to the host. `baudrate` belongs to the serial line behind a gateway; it is None for Modbus TCP.
 
         TransportError when the host is unknown, refuses the connection or does not answer.
         """
