@@ -1,6 +1,7 @@
 """Rate-independent hysteresis: Duhem, T-S fuzzy Duhem and Preisach models, exact steps, inverse, certificates.
 
-May import numerics, files and errors, numpy and scipy. Heat, time, identification and control do not belong here.
+May import numerics, files, display, errors, numpy and scipy. Heat, time, identification and control do not belong
+here.
 """
 
 from smadrive.hysteresis.certificate import Certificate

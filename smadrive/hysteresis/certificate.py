@@ -1,11 +1,12 @@
 """Certificates of a model whose state w follows dw/dv = a w + b, from linear system theory.
 
-The properties are proven rule by rule.
+For fuzzy rules, contraction and boundedness are proven rule by rule. For a Duhem model, both are checked at the nodes
+of its tables. All other properties are checked at the nodes of the tables.
 
-Contraction   a ≤ -λ on heating and a ≥ λ on cooling, with λ > 0. Two trajectories with the same input v approach each
-              other as exp(-λ · TV(v)), where TV is the total variation of v. So the unknown initial state loses its
-              effect after a known travel, and a periodic input has one attracting loop. λ is the smallest |a|, so a
-              whole loop shrinks differences by more than λ shows: by the factor exp(-∮|a| dv).
+Contraction   a ≤ -λ on heating and a ≥ λ on cooling, with λ > 0. The distance of two trajectories with the same input v
+              shrinks at least as exp(-λ · TV(v)), where TV is the total variation of v. So the unknown initial state
+              loses its effect after a known travel of v, and a periodic input has one attracting loop. λ is the
+              smallest |a|. Over a whole loop, the distance shrinks by a stronger factor: exp(-∮|a| dv).
 Boundedness   The equilibria S = -b/a (heating) and R = -b/a (cooling) lie in [0, 1], so w never leaves [0, 1].
 Monotone      The slope is affine in w: w rises on heating where w < S(v), and falls on cooling where w > R(v). Between
               R(v) and S(v) the inverse is unique. In a Duhem model R is the heating branch and S the cooling branch,
@@ -26,7 +27,7 @@ class Certificate:
     """Proven properties of a model with the input v and the state w.
 
     contraction_rate   λ in 1/(unit of v): a travel s of v multiplies the distance of two states by at most exp(-λ s)
-    loop_contraction   factor by which one loop over the whole range shrinks the distance of two states
+    loop_contraction   factor by which one loop over the whole range multiplies the distance of two states
     bounded            True if w stays in [0, 1]
     invertible_share   share of the area between the major branches where w rises on heating and falls on cooling
     turned_share       largest reversal of w along either branch of the major loop, as a share of the loop's travel

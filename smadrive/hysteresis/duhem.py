@@ -5,11 +5,11 @@
 v is the input, w the state, h₊(v) the heating branch and h₋(v) the cooling branch. The scale k appears only once, in
 the output y = offset + k w. In the form dw/dv = a w + b, a is -g₊/d on heating and g₋/d on cooling. One particular
 solution P of each law is known, a branch of the major loop: P = h₊ on heating, P = h₋ on cooling. In both tails d is
-the difference of two nearly equal numbers. It is computed from ln h below the loop and from ln(1 - h) above the loop,
-so that a tends to a Mills ratio instead of 0/0.
+the difference of two nearly equal numbers. So d is computed from ln h below the loop and from ln(1 - h) above the loop.
+Then a tends to a Mills ratio instead of 0/0.
 
-Each branch is a sum of Gaussian distributions. Nine standard deviations outside all of them both branches agree to
-1e-18, and the state is constant.
+Each branch is a weighted sum of Gaussian distribution functions. Below the smallest and above the largest of all
+means ± nine standard deviations, both branches agree to 1e-18, and the state is constant.
 """
 
 from __future__ import annotations
@@ -35,7 +35,8 @@ _NO_KINKS = np.empty(0)
 class DuhemModel(BranchModel):
     """A Duhem model whose heating and cooling branches are mixtures of Gaussian distributions.
 
-    Raises ModelError when the branches cross inside `input_range`, or when they lie outside `input_range`.
+    Raises ModelError for an invalid scale, offset or range, for branches that cross inside `input_range`, lie outside
+    `input_range` or are in the wrong order, and for branches that are too steep for a table.
     """
 
     def __init__(
@@ -131,9 +132,9 @@ class DuhemModel(BranchModel):
         return rate, -rate * self.heating.cdf(v)
 
     def certificate(self) -> Certificate:
-        """Return the certificate.
+        """Return the certificate, checked at the nodes of the tables.
 
-        Its contraction rate is the smallest |a| of the law dw/dv = a w + b at the nodes of the tables.
+        The contraction rate is the smallest |a| of the law dw/dv = a w + b at these nodes.
         """
         return certify(self.engine)
 
@@ -160,8 +161,8 @@ def duhem_branches(
 ) -> tuple[Branch, Branch]:
     """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
-    `steepest` is the largest |a| of dw/dv = a w + b. If it is infinite, branches that cross raise ModelError. If it is
-    finite, branches may cross, because a fit also tries such models.
+    `steepest` limits |a| of the law dw/dv = a w + b. If `steepest` is infinite, branches that cross raise ModelError.
+    If `steepest` is finite, branches may cross, because a fit also tries such models.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])
@@ -176,9 +177,10 @@ def duhem_branches(
 
 
 def _refuse_crossing(heating: GaussianMixture, cooling: GaussianMixture, lower: float, upper: float) -> None:
-    """Raise ModelError for branches of one Gaussian each that cross, at v* = (μ₊σ₋ - μ₋σ₊)/(σ₋ - σ₊).
+    """Raise ModelError for branches of one Gaussian each that cross inside the range or are in the wrong order.
 
-    Branches of several Gaussians are checked later, at the nodes of the table.
+    They cross at v* = (μ₊σ₋ - μ₋σ₊)/(σ₋ - σ₊). Branches of several Gaussians are checked later, at the nodes of the
+    table.
     """
     if len(heating.means) > 1 or len(cooling.means) > 1:
         return
@@ -195,7 +197,7 @@ def _refuse_crossing(heating: GaussianMixture, cooling: GaussianMixture, lower: 
 
 
 def _order_error(mu_heating: float, mu_cooling: float) -> ModelError:
-    what = "must exceed mu_cooling, because a wire transforms later on heating"
+    what = "must exceed mu_cooling, because a wire transforms at a higher input on heating than on cooling"
     return ModelError(what, where="mu_heating", value=mu_heating, limit=mu_cooling)
 
 

@@ -30,7 +30,7 @@ from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.scalars import real_number
 
 MOST_SETS = 200
-"""The largest number of sets. A wire needs about 11; the memory grows with the number, to 100 GB for 20,000 sets."""
+"""The largest number of sets. A wire needs about 11. With 20,000 sets, the computer would need 100 GB of memory."""
 
 
 class Rule(NamedTuple):
@@ -91,8 +91,8 @@ class TriangularSets:
 class TrapezoidSets:
     """Trapezoidal fuzzy sets over the input v.
 
-    Of each gap between two centres, the share `flat` (0 ≤ flat < 1) has constant memberships, half of this share at
-    each centre. Between these flat parts the memberships change linearly.
+    On the share `flat` (0 ≤ flat < 1) of the distance between two neighbouring centres the memberships are constant:
+    half of this share lies next to each of the two centres. Between these flat parts the memberships change linearly.
     """
 
     centres: tuple[float, ...]

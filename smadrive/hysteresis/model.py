@@ -3,7 +3,7 @@
     w  normalised state in [0, 1], the transformed fraction          y = offset + scale · w    (scale may be negative)
     v  input. The state follows the heating law while v rises, and the cooling law while v falls.
 
-Inside `input_range` a step is exact for any distance. Outside, the wire counts as fully transformed: the input is
+Inside `input_range` a step is exact for any distance. Outside, the transformation counts as complete: the input is
 clamped to the range, the state is constant and the slope is zero. So a wrong reading of a sensor cannot make the model
 diverge.
 """
@@ -38,7 +38,7 @@ LOOP_POINTS = 200
 class HysteresisState(NamedTuple):
     """Input v, output y and normalised state w of one wire.
 
-    `memory` is None for a model without memory; otherwise it holds the turning points of v (see memory/model.py).
+    `memory` is None for a model without memory. Otherwise see `Memory` in turning_points.py.
     """
 
     v: float
@@ -83,16 +83,16 @@ class HysteresisModel(ABC):
     def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:
         """Return `state` with its input replaced by the estimate v, and its output by the estimate y.
 
-        The model makes no step. An output that the model cannot have at v is replaced by the nearest possible output.
+        The model makes no step. If the model cannot take the output y at v, the output of the result differs from y.
         """
 
     @abstractmethod
     def _on_branch(self, v: float) -> HysteresisState:
-        """Return the state on the heating branch."""
+        """Return the state on the heating branch at input v."""
 
     @abstractmethod
     def _between(self, v: float, w: float) -> HysteresisState:
-        """Return the state w at input v, where w is admissible."""
+        """Return the state with the input v and the admissible state w."""
 
     @abstractmethod
     def _moved(self, state: HysteresisState, v: float) -> HysteresisState:
@@ -218,7 +218,7 @@ def check_output_map(scale: float, offset: float, input_range: tuple[float, floa
 
 
 def _range_ends(input_range: object) -> tuple[float, float]:
-    """Return the two ends as floats. ModelError for anything else than two numbers."""
+    """Return the two ends of the range as floats. ModelError unless `input_range` consists of two numbers."""
     if not isinstance(input_range, Sequence | np.ndarray) or len(input_range) != 2:
         cure = "pass the lower and the upper end"
         raise ModelError("not two numbers", where="input_range", value=shortened(input_range), cure=cure)

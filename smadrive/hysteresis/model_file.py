@@ -29,7 +29,7 @@ from smadrive.hysteresis.model import HysteresisModel
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 
 SCHEMA_VERSION = 3
-"""The version that is written. Version 1 has no memory, versions 1 and 2 have no resistance; they are read as well."""
+"""The version that is written. Versions 1 and 2 can be read, too: 1 has no memory, 1 and 2 have no resistance."""
 
 MOST_BYTES = 1 << 20
 """The largest model file, bytes. A model of 200 sets takes about 20,000 bytes."""

@@ -1,7 +1,7 @@
 """Dead band against false reversals.
 
-Noise on the input v reverses v at every sample. A hysteresis model answers each reversal with a minor loop and
-ratchets. A play operator with the radius r passes only reversals larger than 2r. Its position after sample k is
+Noise on the input v reverses v at every sample. A hysteresis model answers each reversal with an inner loop, so its
+state drifts. A play operator with the radius r passes only reversals larger than 2r. Its position p_k after sample k is
 
     p_k = min(max(p_{k-1}, v_k - r), v_k + r)
 
@@ -10,10 +10,10 @@ the last move of p (+1 or -1) gives the sign of the lag, so the filter returns u
 largest input since the last true reversal; while v falls, u is the smallest. A reversal smaller than 2r leaves u
 constant, and u follows a larger reversal at once. A radius r of a few standard deviations of the noise is enough.
 
-The extreme of many noisy samples lies beyond the true turning point, by a few standard deviations if the input reverses
-slowly. The hysteresis model keeps this error from then on. A filter in real time cannot avoid this error. In a record,
-the samples after the turning point are known as well. So the turning point of a record is estimated from two parabolas,
-one before and one after the turning point, fitted to the samples within a few radii.
+The extreme of many noisy samples lies beyond the true turning point, by a few standard deviations of the noise if the
+input reverses slowly. The hysteresis model keeps this error from then on. A filter in real time cannot avoid it. In a
+record, the samples after the turning point are known as well. So the turning point of a record is estimated from two
+parabolas, one before and one after the turning point, fitted to the samples within a few radii.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Play(NamedTuple):
 
 
 def _moved(position: float, direction: int, v: float, radius: float) -> tuple[float, int]:
-    """Return position and direction of the play operator after a move to v. Plain numbers make this function fast."""
+    """Return position and direction of the play operator after a move to v, as plain numbers because this is fast."""
     if v - radius > position:
         return v - radius, 1
     if v + radius < position:

@@ -135,7 +135,7 @@ class MembershipGrid:
         self.at_nodes = self._weights[: len(nodes)]
 
     def closed_branches(self, heating_law: Law, cooling_law: Law) -> tuple[Branch, Branch]:
-        """Return the heating and the cooling branch of the major loop that a full sweep up and down closes.
+        """Return the heating and the cooling branch of the major loop: a full sweep up and down ends where it began.
 
         `heating_law` and `cooling_law` are pairs (a, b) of arrays with one number per set; a rule is dw/dv = a w + b.
         Raises ModelError for rules that increase the distance of two states by more than a factor of exp(50).
@@ -157,9 +157,9 @@ class MembershipGrid:
         return branches[0], branches[1]
 
     def _blended(self, values: FloatArray) -> FloatArray:
-        """Return the blended `values`, shape (rows, nodes and points), from rows of one number per set.
+        """Return `values` (rows, sets), blended by the memberships: shape (rows, nodes + quadrature points).
 
-        The products are too small for BLAS to start threads (see blas_threads.py).
+        The products are so small that BLAS starts no threads (see blas_threads.py).
         """
         pieces = [self._weights[start : start + _PIECE] for start in range(0, len(self._weights), _PIECE)]
         return np.hstack([values @ piece.T for piece in pieces])

@@ -1,8 +1,8 @@
 """The stack of turning points, with wiping-out.
 
 `turns` alternates between minima and maxima of the input v. Its first entry is the lower end of the range, because a
-wire was cold once. The length of `turns` tells the direction: with an odd length v has been rising since the minimum
-turns[-1], with an even length v has been falling since the maximum turns[-1]. When v passes the turning point before
+wire was cold once. The length of `turns` gives the direction: if it is odd, v has been rising since the minimum
+turns[-1]; if it is even, v has been falling since the maximum turns[-1]. When v passes the turning point before
 the last, the last two turning points are forgotten, and the older section continues (wiping-out).
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 MOST_TURNS = 100
-"""The largest number of turning points. At the next reversal the two newest are dropped: the smallest loop."""
+"""The largest number of turning points. At a further reversal, the newest one and the new one are dropped."""
 
 Turns = tuple[float, ...]
 
@@ -22,7 +22,7 @@ class Memory(NamedTuple):
     local     state of the T-S fuzzy Duhem rules; it stays at its first value if the plane has the share 1
     plane     state of the Preisach plane
     turns     turning points of the input, the oldest first; the first is the lower end of the range
-    dropped   number of turning points that were dropped because there were more than `MOST_TURNS`
+    dropped   number of turning points that were dropped at the limit `MOST_TURNS`
     """
 
     local: float
@@ -52,9 +52,9 @@ def reversed_at(turns: Turns, v: float) -> Turns:
 
 
 def stays(turns: Turns, end: float) -> bool:
-    """Return True if a move of the input to `end` wipes out no turning point: it is one piece, and `turns` stay.
+    """Return True if a move of the input to `end` wipes out no turning point, so that the move is one piece.
 
-    The direction of the move is the direction that `turns` tells.
+    The direction of the move is the direction that the length of `turns` gives.
     """
     count = len(turns)
     if count % 2 == 1:
@@ -65,8 +65,8 @@ def stays(turns: Turns, end: float) -> bool:
 def pieces(turns: Turns, end: float) -> tuple[list[Piece], Turns]:
     """Return the pieces of a move of the input to `end`, and the turning points after this move.
 
-    The direction of the move is the direction that `turns` tells. Each pair of turning points that the move wipes out
-    ends one piece; the last piece ends at `end`.
+    The direction of the move is the direction that the length of `turns` gives. Each pair of turning points that the
+    move wipes out ends one piece; the last piece ends at `end`.
     """
     found = []
     rising = len(turns) % 2 == 1

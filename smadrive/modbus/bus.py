@@ -8,11 +8,11 @@ from typing import Literal
 
 Direction = Literal["sent", "received", "discarded"]
 Trace = Callable[[float, Direction, bytes], None]
-"""Called as `trace(time_s, direction, bytes)` for each frame, line of text and discarded piece on a bus."""
+"""Called as `trace(time_s, direction, bytes)` for each frame, each line of text, and each piece of discarded bytes."""
 
 
 class GuardedTrace:
-    """Passes frames to a trace. After an error of the trace (full disk), it gets no more frames; the bus goes on."""
+    """Passes frames to a trace. If the trace raises an error (full disk), it gets no more frames; the bus continues."""
 
     def __init__(self, trace: Trace | None) -> None:
         self._trace = trace
@@ -24,7 +24,7 @@ class GuardedTrace:
         return self._trace is not None
 
     def __call__(self, time_s: float, direction: Direction, data: bytes) -> None:
-        """Give one frame to the trace, and store an error of the trace in `failure`."""
+        """Give one frame to the trace. If the trace raises an error, store the error in `failure`."""
         if self._trace is None:
             return
         try:
@@ -34,7 +34,7 @@ class GuardedTrace:
 
 
 NEVER_SILENT_S = 2.0
-"""If bytes arrive without a pause for longer than this time in seconds, another client uses the bus."""
+"""A quarantine (see bus_line.py) fails if bytes keep arriving for this time in seconds plus one response timeout."""
 
 EXCEPTIONS = {
     1: "illegal function",
@@ -53,11 +53,11 @@ EXCEPTIONS = {
 class BusTiming:
     """The timing that one device needs on the bus.
 
-    response_timeout_s   longest wait for a reply, without the time that request and reply take on the wire
-    min_gap_s            shortest pause on the bus before a request
+    response_timeout_s   longest wait for a reply; the time on the wire and the latency of the connection are added
+    min_gap_s            shortest pause on the bus before a request to this device
     post_write_s         added to the pause after a write to this device
-    interval_s           shortest time from a reply (or its deadline) to the next request to this device
-    silence              True keeps the standard's pause of 3.5 characters before a request
+    interval_s           shortest time from a reply (or its missed deadline) to the next request to this device
+    silence              True keeps at least the pause of the standard before a request; see `silence_s`
     read_retries         number of retries of a read; writes are never retried
     """
 

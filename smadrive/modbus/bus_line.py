@@ -1,14 +1,15 @@
 """The line of one bus. It reopens a lost connection, keeps the pauses, sends requests, and reads until the deadline.
 
-Before a request that expects a reply, the bytes that have arrived are discarded and counted, because they belong to no
-request. On RTU, a quarantine follows each failure: nothing is sent until the bus has been silent for one response
-timeout. `send_unconfirmed` waits only for the pause between frames.
+Before a request, the bytes that have already arrived are discarded and counted, because they belong to no request. On
+RTU, a quarantine precedes the request after a failure, an unconfirmed request or such stray bytes, and on a new
+connection: nothing is sent until the bus has been silent for one response timeout. `send_unconfirmed` does neither; it
+waits only for the pause between frames.
 
-A socket that missed a deadline may be dead without a sign: its gateway restarted, or a router dropped it from its
-table. So the line closes the socket and opens a new one for the next request. A new connection may lead to
+A socket that missed a deadline may be dead without a sign: the gateway restarted, or a router dropped the connection
+from its table. So the line closes the socket and opens a new one for the next request. A new connection may lead to
 another device. Callers recognise a new connection by its number, `connection`.
 
-A frame is traced after it has passed. A trace that fails gets no more frames, and the traffic continues.
+A frame is traced after it was sent or received. A trace that fails gets no more frames, and the traffic continues.
 """
 
 from __future__ import annotations
@@ -55,11 +56,15 @@ class BusLine:
 
     @property
     def connection(self) -> int:
-        """The number of the connection for the next request: the count of reopenings, plus 1 while disconnected."""
+        """Number of the connection for the next request: count of reopenings, plus 1 while the connection is lost."""
         return self.counters.reopenings + self._transport.lost
 
     def settle(self, unit_id: int, timing: BusTiming) -> None:
-        """Open a lost connection, wait until a request may follow, and discard the bytes that have arrived."""
+        """Prepare the line for a request to `unit_id`.
+
+        Open a lost connection, keep the pauses, discard the bytes that have arrived, and keep a quarantine if one is
+        necessary. TransportError when the connection cannot be opened, or when the bus is never silent.
+        """
         if self._transport.lost:
             self._reopen()
         gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
@@ -76,8 +81,8 @@ class BusLine:
     def exchange(self, transaction: Transaction) -> Outcome:
         """Send the request, read until its outcome is known or its deadline has passed, and return the outcome.
 
-        Time until the deadline: time of request and reply on the wire + the device's response timeout + latency of the
-        connection. A socket is closed if no whole reply has arrived at the deadline.
+        Time until the deadline = time of request and reply on the wire + response timeout of the device + latency of
+        the connection. A socket is closed if no complete reply has arrived at the deadline.
         """
         unit_id, request, timing = transaction
         frame = self._protocol.send(unit_id, request)
@@ -104,7 +109,7 @@ class BusLine:
         self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
 
     def send_unconfirmed(self, transaction: Transaction) -> None:
-        """Send a request without waiting for its reply, which counts as outstanding.
+        """Send a request without waiting for its reply. The reply counts as outstanding.
 
         Send nothing if the connection is known to be lost. Keep the pause between frames, but wait for nothing else.
         """
@@ -135,7 +140,7 @@ class BusLine:
         self.trace(now_s, "sent", frame)
 
     def _end_exchange(self, transaction: Transaction) -> None:
-        """Trace the reply, record when bus and unit are free, and close a TCP stream after an incomplete frame."""
+        """Trace the reply, record when the next request may follow, close a TCP stream after an incomplete frame."""
         unit_id, request, timing = transaction
         if self._received:
             self.trace(self._received_s, "received", self._received)
@@ -147,7 +152,7 @@ class BusLine:
             self._transport.disconnect()
 
     def _discard(self) -> bytes:
-        """Remove and return the bytes that arrived before the request. Open the connection again if it has ended."""
+        """Remove and return the bytes that arrived before the request. If the connection has ended, open it again."""
         try:
             return self._transport.discard()
         except TransportError:

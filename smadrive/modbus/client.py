@@ -1,6 +1,6 @@
 """The only client of a bus. It sends one request at a time, and waits for its reply until an absolute deadline.
 
-The line (bus_line.py) sends and receives, the protocol (protocol.py) judges the bytes that arrived. The client decides
+The line (bus_line.py) sends and receives. The protocol (protocol.py) judges the bytes that arrived. The client decides
 which requests are sent. If a late reply could be taken for the answer, the client sends a probe first: a read whose
 reply looks different. A device answers in order, so no older reply can follow the reply to the probe.
 
@@ -22,7 +22,7 @@ from smadrive.modbus.transports.transport import Transport
 from smadrive.modbus.verdict import FINAL_CODES, Outcome, Verdict
 
 PROBES = 3
-"""A request fails after this number of probes that proved nothing."""
+"""The largest number of probes before one request. If none of them excludes an older reply, the request fails."""
 
 
 class ModbusClient:
@@ -55,8 +55,8 @@ class ModbusClient:
         """Send `request` to `unit_id` and return the payload of the reply.
 
         connection: the number of the connection that the request must use; None allows any connection.
-        proved: True makes the device answer a request of another kind first. Then a second copy of an earlier reply
-        cannot be taken for the answer, either. Set it for a read on which a safety decision depends.
+        proved: True sends a sync first (see probes.py), so that a second copy of an earlier reply cannot be taken for
+        the answer. Set it for a read on which a safety decision depends.
 
         DeadlineError or ProtocolError when no right reply arrives (a read is retried first); ExceptionReply when the
         device rejects the request; TransportError when the connection is lost, when the present connection has another
@@ -80,7 +80,7 @@ class ModbusClient:
             self._line.broadcast(request, timing)
 
     def send_unconfirmed(self, unit_id: int, request: Request, timing: BusTiming) -> None:
-        """Send a request without waiting for its reply, which counts as outstanding.
+        """Send a request without waiting for its reply. The reply counts as outstanding.
 
         Send nothing if the connection is known to be lost. Use this when the request matters more than its reply.
         """
@@ -88,11 +88,11 @@ class ModbusClient:
             self._line.send_unconfirmed(Transaction(unit_id, request, timing))
 
     def distrust(self) -> None:
-        """Record that the content of the last reply answers an older request. The right reply may still arrive."""
+        """Record that the last reply answers an older request, as its content shows. The right reply may follow."""
         self._protocol.distrust(self.clock.now_s())
 
     def _execute_once(self, transaction: Transaction, connection: int | None, *, proved: bool) -> bytes:
-        """Send the probes that exclude an older reply, then the request; return the payload of its reply."""
+        """Send the necessary probes, a sync if `proved`, then the request; return the payload of its reply."""
         unit_id, request, timing = transaction
         self._line.settle(unit_id, timing)
         if self._protocol.needs_probe(unit_id, request, self.clock.now_s()):
@@ -110,7 +110,7 @@ class ModbusClient:
         return self._transact(transaction)
 
     def _transact(self, transaction: Transaction) -> bytes:
-        """Return the payload of the reply, or raise the error of the verdict on it."""
+        """Send one request and return the payload of its reply. Raise the error of any verdict other than ANSWERED."""
         outcome = self._line.exchange(transaction)
         if outcome.verdict is not Verdict.ANSWERED:
             raise self._failure(outcome, transaction)
@@ -126,7 +126,8 @@ class ModbusClient:
     def _probe(self, transaction: Transaction) -> None:
         """Send up to `PROBES` probes, until no older reply can be taken for the answer.
 
-        If that cannot be reached, raise the last error.
+        DeadlineError at once if a probe gets no reply. If no probe excludes an older reply, raise the error of the last
+        probe; ProtocolError if no read can serve as a probe.
         """
         unit_id, request, timing = transaction
         reason: SmadriveError = ProtocolError(
@@ -149,7 +150,7 @@ class ModbusClient:
         raise reason
 
     def _sync(self, transaction: Transaction) -> None:
-        """Make the device answer a request of another kind: after that answer no copy of an older reply can follow."""
+        """Make the device answer a request of another kind. After this answer, no copy of an older reply can arrive."""
         unit_id, request, timing = transaction
         sync = self._protocol.probes.sync_request(unit_id, request, self.clock.now_s())
         try:
@@ -163,7 +164,7 @@ class ModbusClient:
     def _sync_by_answered_read(self, transaction: Transaction) -> None:
         """Synchronise with a device that did not answer the sync of `_sync`; the device may not support that read.
 
-        Send a read that the device has answered before. If it has answered only `request` so far, send nothing.
+        Send a read that the device has answered before. If no such read can be a sync, send nothing. Then
         DeadlineError if a copy of an earlier reply to `request` may still arrive.
         """
         unit_id, request, timing = transaction

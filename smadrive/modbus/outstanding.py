@@ -1,7 +1,7 @@
 """Replies that may still arrive although the client no longer waits for them.
 
-After a request without an answer, two frames may still arrive: the reply and an exception. A Modbus RTU frame has no
-number. So only the kind of the frame distinguishes it from the answer to a later request:
+After a request without an answer, the reply may still arrive, or an exception. A Modbus RTU frame has no transaction
+number. So only the kind of such a frame distinguishes it from the answer to a later request:
 
     kind of a reply       unit, head (function and byte count, or the echo of a write), payload size
     kind of an exception  unit, function with the top bit set
@@ -15,7 +15,7 @@ from __future__ import annotations
 from smadrive.modbus.requests import Request
 
 LATEST_REPLY_S = 10.0
-"""After this time in seconds, a reply no longer counts as outstanding. Every latency that a URL may set is shorter."""
+"""After this time in seconds, a frame no longer counts as outstanding. Every latency that a URL may set is shorter."""
 
 Kind = tuple[int, bytes, int]
 

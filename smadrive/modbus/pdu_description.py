@@ -12,7 +12,10 @@ _TABLES = {1: "coils", 2: "discrete inputs", 3: "holding registers", 4: "input r
 
 
 def of_request(pdu: bytes) -> str:
-    """Return function, addresses and values of a request as text, for example `read 11 holding registers from 16`."""
+    """Return function, addresses and values of a request as text, for example `read 11 holding registers from 16`.
+
+    A request that is too short gives `malformed request`.
+    """
     try:
         return _request(pdu)
     except (struct.error, IndexError):
@@ -20,7 +23,10 @@ def of_request(pdu: bytes) -> str:
 
 
 def of_reply(pdu: bytes, request: bytes) -> str:
-    """Return the reply `pdu` to `request` as text: its values, its exception, or `done` for a write."""
+    """Return the reply `pdu` to `request` as text: its values, its exception, or `done` for a write.
+
+    An empty reply gives `nothing`. A reply of another function than the request gives the number of that function.
+    """
     if not pdu:
         return "nothing"
     if len(pdu) == 2 and pdu[0] & 0x80:

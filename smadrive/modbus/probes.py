@@ -1,14 +1,14 @@
 """The choice of reads whose answers prove that older replies cannot arrive any more.
 
-A frame is outstanding if it may still arrive although the client no longer waits for it. Only its kind (see
-outstanding.py) distinguishes a frame from other frames.
+A frame is outstanding if it may still arrive although the client no longer waits for it. Only the kind of a frame (see
+outstanding.py) distinguishes it from other frames.
 
 A probe is a read whose reply differs in kind from every outstanding frame. The answer to a probe proves that no reply
 to an older request of this unit can arrive any more.
 
-A sync is a read whose kind of answer has not arrived lately, so the answer cannot be a copy of an older reply. The unit
-answers in order, so no older reply can arrive after the answer to a sync. The next reply therefore belongs to the next
-request.
+A sync is a read whose reply differs in kind from all frames that have arrived lately. So the answer to a sync cannot be
+a copy of an older reply. The unit answers in order, so no older reply can arrive after the answer to a sync. The next
+reply therefore belongs to the next request.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from smadrive.modbus.outstanding import LATEST_REPLY_S, Kind, Outstanding, excep
 from smadrive.modbus.requests import Request
 
 FRESH = 16
-"""A kind of frame is new if none of the last `FRESH` frames was of this kind: a gateway may lag by as many replies."""
+"""A kind has not arrived lately if none of the last `FRESH` frames was of this kind: a gateway may lag that much."""
 NEVER = -FRESH - 1
 
 
@@ -41,39 +41,44 @@ class Probes:
         self._silent: set[Kind] = set()
 
     def note_frame(self) -> None:
-        """Count one more completed request: its frame has arrived, or its reply is missing."""
+        """Count one more finished request, even if no frame has arrived for it."""
         self._arrivals += 1
 
     def note_reply(self, unit_id: int, request: Request, now_s: float) -> None:
-        """Record that the frame counted last is the reply to this request."""
+        """Record that the frame of the request counted last is the right reply to `request`."""
         kind = reply_kind(unit_id, request)
         self._arrived[kind], self._arrived_s[kind] = self._arrivals, now_s
         if not request.writes:
             self._answered[kind] = request
 
     def note_exception(self, unit_id: int, request: Request) -> None:
-        """Record that the frame counted last is an exception to this request."""
+        """Record that the frame of the request counted last is an exception to `request`."""
         self._arrived[exception_kind(unit_id, request)] = self._arrivals
 
     def has_answered(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Return True if a read that the unit has answered, or the same read of fewer addresses, can be a probe."""
+        """Return True if a read that the unit has answered, or the same read of fewer addresses, can be the probe."""
         return next(self._clean(unit_id, request, self._answered_reads(unit_id), now_s), None) is not None
 
     def probe_request(self, unit_id: int, request: Request, attempt: int, now_s: float) -> Request | None:
-        """Return a probe for `request`. Reads that the unit has answered come first.
+        """Return the probe number `attempt` (from 0) for `request`: the first suitable read of this list.
 
-        Reads of other lengths follow; from `attempt` 1 on, reads with other functions precede them. Return None when
-        the reply to every one of these reads could be taken for an outstanding frame.
+        1. reads that the unit has answered, and the same reads of fewer addresses
+        2. reads with other functions, but only from `attempt` 1 on
+        3. reads of other lengths
+
+        Return None when the reply to each of them has the kind of an outstanding frame or of the reply to `request`.
         """
         others = () if attempt == 0 else _other_functions(request)
         tries = chain(self._answered_reads(unit_id), others, _other_lengths(request))
         return next(self._clean(unit_id, request, tries, now_s), None)
 
     def sync_request(self, unit_id: int, request: Request, now_s: float) -> Request:
-        """Return a sync for `request`: a read whose kind of answer never arrived, or else arrived longest ago.
+        """Return a sync for `request`.
 
-        A read that the unit has answered is preferred if its kind is not among the last `FRESH` arrivals. If no read
-        of another kind is left, return `request`.
+        The first choice is a read that the unit has answered, if the last `FRESH` frames hold no answer of this kind.
+        Otherwise the choice includes reads of other lengths and functions, except those that got no answer before. Of
+        these, return the read whose kind of answer never arrived, or arrived longest ago. If no read has another kind
+        than the reply to `request`, return `request`.
         """
         answered = list(self._clean(unit_id, request, self._answered_reads(unit_id), now_s))
         sure = min(answered, key=lambda one: self._last_arrival(unit_id, one), default=None)
@@ -85,14 +90,19 @@ class Probes:
 
     def answered_sync_request(self, unit_id: int, request: Request, now_s: float) -> Request | None:
         """Return a sync for `request`: a read that the unit has answered, or the same read of fewer addresses.
-        A unit may ignore other reads. Return the read whose kind of answer arrived longest ago; return None if the
-        answer to none of these reads differs in kind from the answer to `request` and from every outstanding frame.
+
+        A unit may ignore other reads. Of these reads, return the one whose kind of answer never arrived, or arrived
+        longest ago. Return None if the reply to each of them has the kind of an outstanding frame or of the reply to
+        `request`.
         """
         answered = self._clean(unit_id, request, self._answered_reads(unit_id), now_s)
         return min(answered, key=lambda one: self._last_arrival(unit_id, one), default=None)
 
     def stays_silent(self, unit_id: int, request: Request) -> bool:
-        """Record that this sync got no answer. Return True if no read of its function and address was ever answered."""
+        """Record that the unit did not answer the sync `request`.
+
+        Return True if the unit has never answered a read with the function and the address of this sync.
+        """
         self._silent.add(reply_kind(unit_id, request))
         return not any(request.pdu[:3] == one.pdu[:3] for kind, one in self._answered.items() if kind[0] == unit_id)
 
@@ -101,7 +111,7 @@ class Probes:
         return now_s < self._arrived_s.get(reply_kind(unit_id, request), -inf) + LATEST_REPLY_S
 
     def _last_arrival(self, unit_id: int, one: Request) -> int:
-        """Return the number of the last frame that was a reply or an exception to the read `one`, or `NEVER`."""
+        """Return the count of finished requests at the last reply or exception to the read `one`; else `NEVER`."""
         kinds = reply_kind(unit_id, one), exception_kind(unit_id, one)
         return max(self._arrived.get(kind, NEVER) for kind in kinds)
 
@@ -109,7 +119,7 @@ class Probes:
         return reply_kind(unit_id, one) not in self._silent
 
     def _clean(self, unit_id: int, request: Request, tries: Iterable[Request], now_s: float) -> Iterator[Request]:
-        """Return the `tries` whose replies differ in kind from all outstanding frames and the reply to `request`."""
+        """Return the `tries` whose replies differ in kind from each outstanding frame and the reply to `request`."""
         own = reply_kind(unit_id, request)
         kinds = ((one, reply_kind(unit_id, one)) for one in tries)
         return (one for one, kind in kinds if kind != own and not self._outstanding.holds(kind, now_s))
@@ -124,7 +134,7 @@ class Probes:
 
 
 def _other_lengths(request: Request) -> Iterator[Request]:
-    """Yield reads of 1 to 125 addresses from the address of `request`, with its function if this is a read."""
+    """Yield reads of 1 to 125 addresses from the address of `request`; FC03 if it writes, otherwise its function."""
     for count in range(1, requests.MAX_READ_REGISTERS + 1):
         yield requests.read_like(request, count)
 
@@ -132,7 +142,7 @@ def _other_lengths(request: Request) -> Iterator[Request]:
 def _other_functions(request: Request) -> Iterator[Request]:
     """Yield a read of one address with each reading function (FC01 to FC04) except the function of `request`.
 
-    A device without the function answers with an exception, which proves as much as a reply.
+    A device that does not support a function answers with an exception. It proves as much as a reply.
     """
     address = requests.read_like(request, 1).address
     reads = (requests.read_holding, requests.read_input, requests.read_discrete, requests.read_coils)

@@ -2,7 +2,7 @@
 
 verdict.py holds the rules of the verdicts.
 
-Two faults cannot be recognised from one frame. On RTU, a second copy of an earlier reply may arrive after the next
+Two faults cannot be recognised from one frame. On RTU, a second copy of an earlier reply may arrive after a later
 request of the same kind, and looks like the answer to this request. On any connection, a gateway may answer with the
 reply to an older request. probes.py chooses reads whose answers exclude these two faults.
 """
@@ -102,8 +102,8 @@ class ClientProtocol:
     def needs_probe(self, unit_id: int, request: Request, now_s: float) -> bool:
         """Return True if a probe must go first, because an older reply or exception could be taken for the answer.
 
-        For an older exception, a probe is needed only if the unit has already answered a read that can serve as a
-        probe.
+        If only an older exception is possible, the result is True only if the unit has already answered a read that can
+        serve as a probe.
         """
         if self.may_be_mistaken(unit_id, request, now_s):
             return True
@@ -122,9 +122,9 @@ class ClientProtocol:
         return Outcome(Verdict.FOREIGN, reply)
 
     def _whole(self, reply: bytes, size: int, arrived: Verdict, now_s: float) -> Outcome | None:
-        """Return the outcome of a reply with the right head; on RTU, return None until `size` bytes have arrived.
+        """Return the outcome of a reply or exception with the right head; on RTU, None until `size` bytes have arrived.
 
-        `arrived` is the verdict on an intact reply to which no older request can belong.
+        `arrived` is the verdict if the frame is intact, and if no frame of its kind is outstanding.
         """
         if len(reply) < size and not self._framing.numbered:
             return None
@@ -146,7 +146,7 @@ class ClientProtocol:
         return self._exception_is_doubtful(self._unit_id, self._request, now_s)
 
     def _exception_is_doubtful(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Return True if an exception to this request could be an older, outstanding one.
+        """Return True if an exception that answers an earlier request could be taken for an exception to `request`.
 
         The transaction numbers of Modbus TCP exclude older exceptions. They do not exclude older replies: a gateway
         may give a late reply of its serial line the number of the present request.
@@ -165,12 +165,12 @@ class ClientProtocol:
             self._outstanding.add(exception_kind(self._unit_id, self._request), now_s)
         self._note_arrival(outcome.verdict, now_s)
         if self._framing.numbered:
-            self._framing.skip(b"")  # bytes behind the reply came before the next request
+            self._framing.skip(b"")  # bytes after the reply arrived before the next request
         self._become(consequence.event)
         return outcome
 
     def _note_arrival(self, verdict: Verdict, now_s: float) -> None:
-        """Count the outcome, and note the arrival of a right reply or an exception."""
+        """Count the finished request, and record the arrival of a right reply or an exception."""
         self.probes.note_frame()
         if verdict is Verdict.ANSWERED:
             self.probes.note_reply(self._unit_id, self._request, now_s)

@@ -2,8 +2,8 @@
 
 A right reply begins with bytes that are known before the request is sent: function and byte count of a read, or the
 echo of a write. Its length is known, too. So a request consists of its PDU, and of the head and the size of the right
-reply. Comparing the head checks function, byte count, register count and echoed address in one step. If the heads or
-the sizes of two requests differ, the reply to one can never be taken for the reply to the other.
+reply. Comparing the head checks function, byte count, register count and echoed address in one step. If two replies
+differ in head or size, one can never be taken for the other.
 
 Limits of the standard (application protocol V1.1b3, section 6) are checked when the request is made.
 """
@@ -22,7 +22,7 @@ MAX_WRITE_BITS = 1968
 
 
 class Request(NamedTuple):
-    """The PDU of a request, and the shape of its right reply: `reply_head`, then `payload_size` bytes."""
+    """The PDU of a request, and the form of its right reply: the bytes `reply_head`, then `payload_size` bytes."""
 
     pdu: bytes
     reply_head: bytes

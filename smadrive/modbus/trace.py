@@ -1,4 +1,4 @@
-"""A bus trace that a person can read and that `firmware-sim --replay` can serve again as a device.
+"""A bus trace that a person can read. `firmware-sim --replay` can simulate the device from it.
 
     # smadrive bus trace 1: rtu
     # seconds, > sent or < received or x discarded, the bytes, their meaning
@@ -6,8 +6,8 @@
         0.203120 < 01 03 04 53 4D 00 01 ... | unit 1: 21325 1
 
 Each frame is one line. A reply that came in pieces is one line, at the time of its last piece. If no reply follows a
-request, the request was not answered. A board that speaks text gives a trace of its lines of text, which `--replay`
-cannot serve.
+request, the request was not answered. The trace of a board that speaks text contains lines of text instead of
+frames; `--replay` cannot use such a trace.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ class TraceFile:
     """A file with every frame on the bus of `transport`: `ModbusClient(transport, trace=TraceFile(path, transport))`.
 
     It is a context manager. Times are in seconds since the trace began. A line is written after its frame has passed.
-    If a line cannot be written (a full disk), the trace ends there, and a warning with time and reason is logged at the
-    exit of the context. `speaks_text` is True for a board that exchanges lines of text instead of frames.
+    If a line cannot be written (a full disk), the trace ends before this line, and a warning with time and reason is
+    logged at the exit of the context. `speaks_text` is True for a board that exchanges lines of text instead of frames.
     """
 
     def __init__(self, path: Path, transport: Transport, *, speaks_text: bool = False) -> None:
@@ -109,8 +109,8 @@ class TraceFile:
 def read_trace(path: Path) -> tuple[bool, list[TraceLine]]:
     """Return two values: True if the trace is of Modbus TCP (False for RTU), and its lines.
 
-    ConfigError when the file cannot be read or is not a trace of Modbus. Its `where` names the file, and the line if a
-    line is wrong.
+    ConfigError when the file cannot be read or is not a trace of Modbus. The `where` of the error names the file, and
+    the number of a wrong line.
     """
     try:
         head, *rows = path.read_text(encoding="ascii").splitlines() or [""]
@@ -126,7 +126,10 @@ def read_trace(path: Path) -> tuple[bool, list[TraceLine]]:
 
 
 def content_of(frame: bytes, *, numbered: bool) -> tuple[int, bytes] | None:
-    """Return unit id and PDU of a frame; None if it is damaged or incomplete. `numbered`: a Modbus TCP frame."""
+    """Return unit id and PDU of a frame; None if the frame is damaged or incomplete.
+
+    `numbered` is True for a Modbus TCP frame, False for an RTU frame.
+    """
     if not numbered:
         return (frame[0], frame[1:-2]) if rtu.crc_holds(frame) else None
     whole = len(frame) > mbap.HEADER_SIZE and mbap.frame_size(frame) == len(frame)

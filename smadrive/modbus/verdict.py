@@ -1,29 +1,34 @@
 """The rules of the client as tables: the verdict on the bytes that arrived, its consequences, the connection's states.
 
-A reply is accepted only if unit, function, byte count (or echo), length and CRC match the request. A frame that
-answers an earlier request is recognised by its transaction number (Modbus TCP) or by its kind (RTU, see
-outstanding.py):
+A reply is accepted only if unit, function, byte count (or echo), length and CRC match the request. A reply may answer
+an earlier request if a frame of its kind (see outstanding.py) is outstanding. On RTU, the same holds for an exception.
+On Modbus TCP, framing.py has already dropped the frames with the transaction number of another request.
 
-    arrived                      no frame of that kind outstanding    such a frame outstanding
+    what arrived                 no frame of its kind outstanding     a frame of its kind outstanding
     the reply                    ANSWERED                             STALE
-    an exception                 REFUSED, or DEFERRED by its code     STALE
+    an exception                 REFUSED or DEFERRED, by its code     STALE
     another frame                FOREIGN                              FOREIGN
     the right head, wrong size   WRONG_SIZE                           WRONG_SIZE
     a wrong CRC                  DAMAGED                              DAMAGED
-    no frame of the protocol     MALFORMED                            MALFORMED
-    no whole frame in time       SILENT                               SILENT
+    no Modbus TCP frame          MALFORMED                            MALFORMED
+    no complete frame in time    SILENT                               SILENT
 
-The consequences of a verdict (`CONSEQUENCES`): after ANSWERED no frame of this unit is outstanding. After a failure the
-reply and an exception may still arrive. After an exception the reply may still arrive, too: a busy device or a gateway
-may answer later (DEFERRED), and a second copy of an older exception looks like the present exception. So the reply
-stays outstanding, and is never taken for the answer to the next request. After a final exception (REFUSED) no reply to
-an older request can arrive any more.
+The consequences of a verdict (`CONSEQUENCES`) are the frames of this unit that are outstanding afterwards:
+
+    ANSWERED     none
+    REFUSED      the reply
+    DEFERRED     the reply, and all frames that were outstanding before
+    all others   the reply, an exception, and all frames that were outstanding before
+
+After an exception the reply may still arrive: a busy device or a gateway may answer later (DEFERRED), and a second copy
+of an older exception looks like the present exception (REFUSED). Because the reply is outstanding, it is never taken
+for the answer to the next request.
 
 The states of the connection (`TRANSITIONS`):
 
     READY         a request may be sent
-    WAITING       a request was sent, its reply is awaited
-    SUSPECT       bytes that answer an earlier request may arrive: silence must come first (RTU only)
+    WAITING       a request was sent, and its reply is awaited
+    SUSPECT       bytes that answer an earlier request may arrive: before a request, the bus must be silent (RTU only)
     OUT_OF_STEP   the last frame in the stream is incomplete: only a new connection helps (TCP only)
 """
 
@@ -33,7 +38,7 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 FINAL_CODES = frozenset((1, 2, 3, 4, 7, 8))
-"""Exception codes that end a request. After the other codes (5, 6, 10, 11) the real reply may follow."""
+"""Exception codes that end a request. After any other code, such as 5, 6, 10 or 11, the real reply may follow."""
 
 
 class Verdict(Enum):
@@ -73,9 +78,9 @@ class ConnectionEvent(Enum):
 class Consequence(NamedTuple):
     """The consequence of a verdict.
 
-    proves               no reply to an older request of this unit can follow
-    reply_remains        the reply to the request may still arrive
-    exception_remains    an exception to the request may still arrive
+    proves               True if no reply to an older request of this unit can follow
+    reply_remains        True if the reply to the request may still arrive
+    exception_remains    True if an exception to the request may still arrive
     event                the event that changes the state of the connection
     """
 
@@ -93,7 +98,7 @@ VERDICTS = {
     (Verdict.DEFERRED, False): Verdict.DEFERRED,
     (Verdict.DEFERRED, True): Verdict.STALE,
 }
-"""The verdict on an intact reply or exception. The key: what arrived, and True if such a frame is outstanding."""
+"""The verdict on an intact reply or exception. Key: what arrived, and True if a frame of its kind is outstanding."""
 
 _FAILED = Consequence(proves=False, reply_remains=True, exception_remains=True, event=ConnectionEvent.FAILED)
 CONSEQUENCES = {
@@ -124,8 +129,8 @@ TRANSITIONS = {
     (ConnectionState.READY, ConnectionEvent.SILENCE): ConnectionState.READY,
     **{(state, ConnectionEvent.NEW_CONNECTION): ConnectionState.SUSPECT for state in ConnectionState},
 }
-"""The next state on RTU, by state and event. On Modbus TCP, READY and SUSPECT both become OUT_OF_STEP after an
-incomplete frame, and READY otherwise."""
+"""The next state on RTU, by state and event. On Modbus TCP, OUT_OF_STEP replaces a next state READY or SUSPECT if the
+last frame is incomplete; otherwise READY replaces SUSPECT."""
 
 
 class Outcome(NamedTuple):

@@ -63,8 +63,8 @@ def _hermite(width: FloatArray, value: FloatArray, slope: FloatArray) -> FloatAr
 class BranchEngine:
     """Computes states exactly, from the tables of the heating and the cooling branch.
 
-    `nodes` are the ends of `bins` uniform cells over [lower, upper]. A cell may have one extra node inside, where a or
-    b of the law dw/dv = a w + b has a kink.
+    `nodes` contains the ends of `bins` uniform cells over [lower, upper]. A cell may contain one more node, at which a
+    or b of the law dw/dv = a w + b has a kink.
     """
 
     def __init__(self, nodes: FloatArray, bins: int, heating: Branch, cooling: Branch) -> None:

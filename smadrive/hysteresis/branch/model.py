@@ -1,7 +1,7 @@
 """Models whose state w follows one law per direction of the input v: dw/dv = a(v) w + b(v).
 
 The slope depends on v, on w and on the direction, and on nothing else. Λ(v) is the integral of a, and P(v) is a
-particular solution of the law. The inverse finds the input v1 at which a wire from the state w0 at v0 has the state w1:
+particular solution of the law. The inverse finds the input v1 that takes the wire from w0 at v0 to the state w1:
 
     P(v1) + (w0 - P(v0)) exp(Λ(v1) - Λ(v0)) = w1
 

@@ -45,9 +45,9 @@ def find_input(
 
 
 def first_guess(a: float, slope: float, change: float, near: float, far: float) -> float:
-    """Return the input between `near` and `far` at which the state has changed by `change`, by the law at `near`.
+    """Return the input between `near` and `far` at which the state has changed by `change`, for constant a and b.
 
-    The law is dw/dv = a w + b, and `slope` is its dw/dv at `near`. If the law leads outside, the result is `far`.
+    The law is dw/dv = a w + b, and `slope` is dw/dv at `near`. If there is no such input, the result is `far`.
     """
     end = slope + a * change
     if slope <= 0 or end <= 0:

@@ -61,7 +61,7 @@ def integrate_rate(nodes: FloatArray, rate: FloatArray) -> CellIntegrals:
 def cell_maps(
     nodes: FloatArray, cells: CellIntegrals, bias: FloatArray, *, rising: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Return `gain` and `shift` of each cell, both (cells,): the input crosses the cell, and w becomes gain w + shift.
+    """Return `gain` and `shift` of each cell, both (cells,): when the input crosses the cell, w becomes gain w + shift.
 
     The law is dw/dv = a w + b. `cells` holds the integrals of a, and `bias` is b at the quadrature points (cells, 5).
     If `rising`, the input crosses each cell upward, otherwise downward.
@@ -76,11 +76,14 @@ def cell_maps(
 def march(start: ArrayLike, gain: FloatArray, shift: FloatArray, *, rising: bool) -> FloatArray:
     """Return the state w at every node, in ascending order, while the input crosses the whole grid.
 
-    If `rising`, the input starts at the lower end, otherwise at the upper end. The state there is `start`. In each cell
-    w becomes gain w + shift; together, these maps are one linear system with two diagonals. `gain` has the shape
-    (cells,). For one solution, `start` is a number, `shift` has the shape (cells,), and the result (nodes,). For
-    several solutions, `start` has the shape (columns,), `shift` has the shape (cells, columns), and the result (nodes,
-    columns).
+    If `rising`, the input starts at the lower end, otherwise at the upper end. The state at this end is `start`. In
+    each cell w becomes gain w + shift. All cells together are one bidiagonal linear system. Shapes:
+
+              one solution    several solutions
+    start     a number        (columns,)
+    gain      (cells,)        (cells,)
+    shift     (cells,)        (cells, columns)
+    result    (nodes,)        (nodes, columns)
     """
     step = 1 if rising else -1
     entered = np.concatenate([np.reshape(start, (1, *shift.shape[1:])), shift[::step]])
@@ -93,7 +96,7 @@ def march(start: ArrayLike, gain: FloatArray, shift: FloatArray, *, rising: bool
 def uniform_grid(lower: float, upper: float, bins: int, kinks: FloatArray) -> FloatArray:
     """Return `bins` + 1 uniform nodes from `lower` to `upper` together with the kinks, ascending.
 
-    A kink very near to a uniform node adds no node.
+    A kink outside the range, or nearer to a uniform node than 1e-5 of a cell, adds no node.
     """
     nodes = np.linspace(lower, upper, bins + 1)
     place = (kinks - lower) / (upper - lower) * bins
@@ -127,7 +130,7 @@ def _kinks_apart(lower: float, upper: float, bins: int, kinks: FloatArray) -> bo
 
 
 def _disagreement(coarse: BranchEngine, fine: BranchEngine) -> float:
-    """Return the largest error of the coarse pieces at the fine nodes, of P and of Λ; for |Λ| > 1 relative to Λ."""
+    """Return the largest error of P and Λ of the coarse grid at the fine nodes; relative for Λ where |Λ| > 1."""
     worst = 0.0
     for rising, branch in ((True, fine.heating), (False, fine.cooling)):
         target, exponent = coarse.evaluate(fine.nodes, np.full(len(fine.nodes), rising))

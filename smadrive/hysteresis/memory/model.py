@@ -4,11 +4,11 @@
 
 v is the input and w the state. x is the state of a T-S fuzzy Duhem model (see tsfuzzy.py): its slope depends on v, on x
 and on the direction of v. p is the state of a Preisach plane (see plane.py): its slope e depends on v, on the
-direction, and on the last turning point v_r, a third premise of its rules. A wire that is a mixture of both has exactly
-this structure: x forgets its turning points exponentially, and p returns to them exactly.
+direction, and on the last turning point v_r, a third premise of its rules. The two parts forget differently: in x, the
+effect of a turning point decays exponentially; in p, it stays until v passes this turning point again.
 
-Along a section v_r is constant. So the exact step of x and two values of the Everett function give w at any distance. x
-and p are monotone and lie in [0, 1]; so w is monotone and lies in [0, 1], too.
+Along a section v_r is constant. So the exact step of x and two values of the Everett function give w at any distance. p
+is monotone and lies in [0, 1]. If x does so as well (see certificate.py), w is also monotone and lies in [0, 1].
 
 The values v and w alone do not determine x and p. `initial_state` therefore assumes the history of a first-order
 reversal curve: from the hot end of the range down to one turning point, then up to v. Exactly one such curve passes
@@ -42,10 +42,11 @@ _ROUNDING = 1e-12
 
 
 class TSFuzzyPreisach(HysteresisModel):
-    """A T-S fuzzy Duhem model `rules` and a Preisach plane in parallel; scale, offset and range are those of `rules`.
+    """A T-S fuzzy Duhem model and a Preisach plane in parallel.
 
-    `share` is the share of the plane in w, more than 0 and at most 1. ModelError for another share, and for thresholds
-    outside the range.
+    The constructor takes the T-S fuzzy Duhem model as `rules`, and the attribute `local` keeps it. Scale, offset and
+    range are those of this model. `share` is the share of the plane in w, more than 0 and at most 1. ModelError for
+    another share, and for thresholds outside the range.
     """
 
     def __init__(self, rules: TSFuzzyDuhem, plane: PreisachPlane, share: float) -> None:
@@ -165,7 +166,8 @@ class TSFuzzyPreisach(HysteresisModel):
     def _shifted(self, memory: Memory, v0: float, v1: float) -> Memory:
         """Return the memory at the input v1 on the present section; no turning point is added.
 
-        The shift may go backwards on this section. Before its turning point, the section before is used.
+        The input may move backwards on this section. If v1 lies beyond the turning point at which this section began,
+        the section before it continues from this turning point to v1.
         """
         local, plane, turns, dropped = memory
         turn, rising = turns[-1], memory.rising
@@ -178,9 +180,10 @@ class TSFuzzyPreisach(HysteresisModel):
         return self._carried(at_turn._replace(turns=turns[:-1]), turn, v1)
 
     def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:
-        """Return `state` with the input v and, if the model can have it at v, the output y. The turning points stay.
+        """Return `state` with the input v and the output y. No turning point is added.
 
-        The states x of the rules and p of the plane change by the same amount, each within the states possible at v.
+        The states x of the rules and p of the plane change by the same amount, each within the states possible at v. If
+        one of them reaches a limit, the output remains different from y.
         """
         clamp, inside = self._engine.clamp, self._engine.clamp(v)
         local, plane, turns, dropped = self._shifted(_memory(state), clamp(state.v), inside)
@@ -189,9 +192,10 @@ class TSFuzzyPreisach(HysteresisModel):
         return self._state(v, Memory(local, plane, turns, dropped))
 
     def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
-        """Return the input that takes the wire from `state` to the state w in one direction, and the state there.
+        """Return the input that takes the wire from `state` to the state w, and the state at this input.
 
-        If no input of the range leads to w, the result is the end of the range, and the state at this end.
+        The input moves in one direction only. If no input of the range leads to w, the result is the end of the range,
+        and the state at this end.
         """
         memory, v, before = _memory(state), self._engine.clamp(state.v), state.w
         rising = w > before

@@ -9,12 +9,12 @@ a triangle of the plane:
     rising from the turning point m    p = p_m + E(v, m)       falling from the turning point M    p = p_M - E(M, v)
 
 p_m and p_M are p at the turning points. So the slope of p is constant within a cell of v, and linear in the turning
-point (Preisach 1935, Everett 1955). These are rules with the last turning point as a third premise:
+point (Preisach 1935, Everett 1955). So the plane consists of rules with the last turning point as a third premise:
 
     IF v is in a cell of α AND v rises AND the last turning point is about a threshold β THEN dp = b dv, b = ∂E/∂v
 
-A cell lies in the plane only if all its relays have α ≥ β. So E(v, v) = 0, and a loop that closes leads back to its
-turning point.
+A cell lies in the plane only if all its relays have α ≥ β. So E(v, v) = 0. When v returns to a turning point, p returns
+to its value at this turning point.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ MOST_THRESHOLDS = 200
 _ROUNDING, _CLOSE = 1e-9, 1e-12
 
 _Piece = tuple[float, float, float, float, float, float]
-"""Turning point, lowest input, first input above the piece, slope, an input of the piece, and p there."""
+"""Turning point, lowest input, first input above the piece, dp/dv, one end, change of p from turning point to end."""
 
 _NO_PIECE: _Piece = (nan, nan, nan, nan, nan, nan)
 
@@ -113,7 +113,7 @@ class PreisachPlane:
     def change(self, start: float, end: float, turn: float, rising: bool) -> float:
         """Return the change of p while the input moves from `start` to `end` on the section that began at `turn`.
 
-        The section rises if `rising`, otherwise it falls; the move itself may go backwards on it.
+        The section rises if `rising`, otherwise it falls. The input may also move against this direction.
         """
         piece = self._latest[rising]
         if piece[0] != turn or not piece[1] <= start < piece[2]:
@@ -126,14 +126,14 @@ class PreisachPlane:
         return value + slope * (end - anchor) - before
 
     def since(self, v: float, turn: float, rising: bool) -> tuple[float, float]:
-        """Return the change of p from `turn`, where a rising or falling section began, to v, and the slope dp/dv."""
+        """Return the change of p from the turning point `turn`, at which the section began, to v, and dp/dv at v."""
         _, _, _, slope, anchor, value = self._piece(v, turn, rising)
         return value + slope * (v - anchor), slope
 
     def _piece(self, v: float, turn: float, rising: bool) -> _Piece:
-        """Return the straight piece of p at v, on the section that began at `turn`; p is counted from the turn.
+        """Return the piece of p that contains v, on the section that began at the turning point `turn`.
 
-        The latest two pieces of each direction are cached: a controller needs that of the wire and that of its target.
+        The latest two pieces of each direction are cached: one for the state of the wire, one for the setpoint.
         """
         latest = self._latest[rising]
         if latest[0] == turn and latest[1] <= v < latest[2]:
@@ -177,9 +177,9 @@ class PreisachPlane:
         return high if p > high else p  # noqa: FURB136 (min() costs a call in the hot path)
 
     def _tabulated_bounds(self) -> list[tuple[float, float, float, float, float]]:
-        """Return a row for each cell between two thresholds of either axis, and for the two outer ends of the axes.
+        """Return a row for each interval between neighbouring thresholds of both axes, and for both intervals outside.
 
-        A row holds an input, and the value and the slope of the heating and of the cooling branch there.
+        A row holds an input, p and dp/dv of the heating branch at this input, then p and dp/dv of the cooling branch.
         """
         knots = np.array(self._knots)
         heating, cooling = (self.branches(knots, rising=rising) for rising in (True, False))

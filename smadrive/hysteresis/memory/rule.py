@@ -34,8 +34,8 @@ def memory_rules(
 ) -> Iterator[MemoryRule]:
     """Yield the rules of one direction whose slope b is not 0.
 
-    `cells` are the thresholds that v passes, and `turns` the thresholds of the other axis. `change` is the change of p
-    across each cell after each turning point, shape (cells - 1, turns).
+    `cells` are the thresholds that v passes; a cell lies between two of them. `turns` are the thresholds of the other
+    axis. `change` is the change of p across each cell after each turning point, shape (len(cells) - 1, len(turns)).
     """
     slopes = change / np.diff(cells)[:, None]
     for cell, place in np.argwhere(slopes > 0).tolist():

@@ -44,7 +44,12 @@ def _moving_states(plane: PreisachPlane, path: FloatArray, start: Memory) -> Flo
 def _events(
     plane: PreisachPlane, path: FloatArray, corners: np.ndarray, rising: np.ndarray, start: Memory
 ) -> tuple[list[int], list[float], list[float]]:
-    """Return the first samples, turning points and constants of p of the parts between two changes of the stack."""
+    """Return three lists with one entry for each part of the path between two changes of the stack.
+
+    first   first sample of the part
+    turn    turning point at which the section of the part began
+    base    the constant of the part: p without the value of the Everett function
+    """
     p, turns, upward = start.plane, start.turns, start.rising
     first: list[int] = []
     turn: list[float] = []

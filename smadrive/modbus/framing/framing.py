@@ -1,8 +1,8 @@
 """Two ways to carry a PDU: RTU frames and Modbus TCP frames.
 
-RTU frames have neither number nor length. The client knows the length of the right reply, and must itself exclude that
-a late reply is taken for the right one. Modbus TCP frames have number and length; this file drops each reply whose
-number differs from the number of the last request.
+An RTU frame carries neither a transaction number nor its length. The client knows the length of the right reply, and
+must itself prevent that a late reply is taken for the right reply. A Modbus TCP frame carries both: this file drops
+each reply whose transaction number differs from the number of the last request.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from smadrive.errors import ProtocolError
 from smadrive.modbus.framing import mbap, rtu
 
 REMEMBERED = 1024
-"""The transaction numbers of this many latest unanswered requests are not used again."""
+"""The transaction numbers of the latest unanswered requests, at most this many, are not used again."""
 NEAR = 16
-"""A new transaction number differs by more than this from the previous one: a faulty server may send a near number."""
+"""A new transaction number differs from the previous one by more than this: a faulty server may be off by a few."""
 
 
 class Framing(Protocol):
     """The frames of one connection.
 
     tail_size    number of bytes after the PDU of a reply
-    numbered     True if a reply carries its length and the number of its request: then `reply` drops frames with
-                 another number, and returns whole frames only
+    numbered     True if a reply carries its length and the transaction number of its request: then `reply` drops
+                 frames with another number, and returns complete frames only
     """
 
     numbered: bool
@@ -50,11 +50,11 @@ class Framing(Protocol):
         ...
 
     def skip(self, data: bytes) -> None:
-        """Drop `data`, which arrived before the request was sent: no part of `data` may count as its reply."""
+        """Drop `data`, which arrived before the next request was sent: no part of it may count as a reply."""
         ...
 
     def intact(self, reply: bytes) -> bool:
-        """Return True if the check sum of the reply is right. A reply over TCP has none: the result is always True."""
+        """Return True if the CRC of an RTU reply is right. A Modbus TCP reply has no CRC: the result is always True."""
         ...
 
 
@@ -108,11 +108,11 @@ class TcpFraming:
 
     @property
     def out_of_step(self) -> bool:
-        """True if the last frame is incomplete: a stream has no mark at the beginning of the next frame."""
+        """True if the last frame is incomplete or malformed: the stream has no mark where the next frame begins."""
         return bool(self._pending)
 
     def restart(self) -> None:
-        """Forget the incomplete frame and the unanswered requests: their bytes cannot come through a new connection."""
+        """Forget the incomplete frame and the unanswered requests: a new connection cannot carry the missing bytes."""
         self._pending = b""
         self._unanswered.clear()
 
@@ -138,7 +138,7 @@ class TcpFraming:
         return b""
 
     def skip(self, data: bytes) -> None:
-        """Drop the complete frames in `data`. Bytes after them are the beginning of another frame, and are kept."""
+        """Drop the complete frames in `data`. Keep the bytes after them, the beginning of an incomplete frame."""
         self._pending += data
         with suppress(ProtocolError):
             while self._frame() is not None:

@@ -25,7 +25,7 @@ BROADCAST = 0
 def _requests() -> DecodePDU:
     """Return the decoder of pymodbus, which computes the size of a request.
 
-    pymodbus is imported at the first call. A driver never calls this, so it starts sooner.
+    pymodbus is imported at the first call. A driver never calls this function, so it starts without this import.
     """
     from pymodbus.pdu import DecodePDU  # noqa: PLC0415
 

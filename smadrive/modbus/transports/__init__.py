@@ -1,5 +1,5 @@
 """Transports: connections that carry bytes with an absolute deadline (serial port, TCP socket, in process).
 
-This package may import `framing`, `files`, `clock`, `errors` and pyserial. Requests, replies and devices do not belong
-here.
+This package may import `framing`, `files`, `clock`, `errors`, `posix` and pyserial. Requests, replies and devices do
+not belong here.
 """

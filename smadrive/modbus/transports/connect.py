@@ -40,10 +40,10 @@ _ALLOWED = {
     "latency_ms": "latency_ms=<0 to 5000>",
 }
 BAUDRATES = (50, 12_000_000)
-"""The lowest rate that Linux knows, and the highest rate of an adapter on the market, in bits per second."""
+"""The lowest baud rate that Linux knows, and the highest of an adapter on the market, in bits per second."""
 
 _NO_PATH = (errno.ELOOP, errno.ENAMETOOLONG)
-"""Error numbers of `stat` for a path that can never be a port. A port that is missing now may appear later."""
+"""Error numbers of `stat` for a path that can never be a port. ENOENT is not listed: the port may appear later."""
 
 MOST_LATENCY_MS = 5000
 """Longest latency that a URL can set, in ms. It must be shorter than outstanding.py's `LATEST_REPLY_S`."""
@@ -54,9 +54,9 @@ def open_transport(
 ) -> Transport:
     """Open the connection that a URL names, and return it.
 
-    defaults: serial settings (from a profile) for the options that the URL does not set.
-    exclusive: True opens a serial port exclusively, which fails when another process has done so.
-    port_access: called before each use of the connection; see `PortAccess`.
+    defaults: serial settings, such as those of a profile, for the options that the URL does not set.
+    exclusive: True locks a serial port. This fails when another process has locked the port.
+    port_access: called before each use of the open connection; see `PortAccess`.
 
     Raises ConfigError when the URL cannot be used. Raises TransportError when the port is missing, busy or forbidden,
     or when the host is unknown, silent or refuses the connection.
@@ -91,7 +91,8 @@ def latency_s_of(url: str) -> float:
 def is_remote(url: str) -> bool:
     """Return True if the URL leads over a network.
 
-    A device on a network may accept only one client. A local port can be opened twice.
+    The number of clients differs: a device on a network may accept only one client, but two processes can open a local
+    port.
     """
     return _split(url).scheme in ("tcp", "rtu+tcp")
 
@@ -122,7 +123,7 @@ def _unknown_scheme(url: str, scheme: str) -> ConfigError:
 
 
 def _cure_of_path(url: str) -> str:
-    """Return the cure for a text without a scheme: a path of a port, a name of Windows or a config file; else ""."""
+    """Return the cure if the text is a path, a port name of Windows or a config file; otherwise return ""."""
     if url.startswith("/"):
         return f"write serial://{url}"
     if _WINDOWS_PORT.fullmatch(url):

@@ -1,11 +1,11 @@
-"""The common part of a serial port and a socket: plain system calls on a file descriptor.
+"""The common part of the serial and the TCP transport: plain system calls on a file descriptor.
 
 pyserial is not used for reads and writes: it takes its timeout from an attribute, and setting this attribute
-reprograms the port. A lost connection is closed at once; otherwise a USB adapter that is plugged in again gets another
-name. `reopen` opens the connection again.
+reprograms the port. A lost connection is closed at once. If the port stayed open, a USB adapter that is plugged in
+again would get another name. `reopen` opens the connection again.
 
-A forked child closes its copies of the connections: a device that accepts only one client would otherwise be occupied
-after the end of the driver.
+A forked child closes its copies of the connections. Otherwise a device that accepts only one client would stay
+occupied after the end of the driver.
 """
 
 from __future__ import annotations

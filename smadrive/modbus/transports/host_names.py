@@ -72,7 +72,7 @@ def _numbers(names: frozenset[str]) -> set[str]:
 
 
 def _is_looked_up(names: frozenset[str]) -> bool:
-    """Return True if a name contains the address of its host, so that its look-up has not failed."""
+    """Return True if one of the names has an address as its host: the look-up succeeded, or was not necessary."""
     return any(_is_address(_parts(name)[0]) for name in names)
 
 

@@ -1,8 +1,8 @@
 """A pseudo-terminal: a serial port without hardware, such as a simulated device has.
 
-After the end of a pseudo-terminal, another pseudo-terminal soon gets its number, and may be the terminal of a user. A
-link that was left over then leads to the wrong terminal. So neither a path nor a link proves that the pseudo-terminal
-still exists.
+The path of a pseudo-terminal is /dev/pts/NUMBER. Soon after its end, Linux gives its number to another pseudo-terminal,
+such as the terminal window of a user. A symbolic link that was not removed then leads to the wrong terminal. So neither
+a path nor a link proves that the pseudo-terminal still exists.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from typing import Self
 TERMINALS = "/dev/pts/"
 
 MOST_LINKS = 40
-"""Largest number of links that Linux follows from one path."""
+"""Largest number of symbolic links that Linux follows from one path."""
 
 
 class PseudoTerminal:
-    """The pseudo-terminal to which a path led when this object was made.
+    """The pseudo-terminal to which `path` led when this object was made.
 
-    Its `descriptor` neither reads nor writes, and keeps nothing open.
+    `descriptor` was opened with O_PATH. It only identifies the file of the pseudo-terminal: it cannot read or write,
+    and does not keep the pseudo-terminal open.
     """
 
     def __init__(self, path: str, descriptor: int) -> None:
@@ -40,20 +41,24 @@ class PseudoTerminal:
         return None
 
     def close(self) -> None:
-        """Close the descriptor. Afterwards do not use this object any more."""
+        """Close the descriptor. Do not use this object afterwards."""
         self._close()
 
     @property
     def exists(self) -> bool:
         """True if the pseudo-terminal has not ended.
 
-        The link count of its file proves this. The times of the file also change with its owner or permissions.
+        The link count of the file in /dev/pts is 0 after the end. The times of the file prove nothing: they change with
+        owner and permissions, too.
         """
         return os.fstat(self._descriptor).st_nlink > 0
 
     @property
     def is_left_over(self) -> bool:
-        """True if the pseudo-terminal has ended, and its path has the same links as when this object was made."""
+        """True if the pseudo-terminal has ended, and its path still has the same symbolic links.
+
+        Then no program has led the path to a new pseudo-terminal since this object was made.
+        """
         return not self.exists and _links(self._path) == self._links
 
     def is_at(self, path: str) -> bool:
@@ -64,7 +69,7 @@ class PseudoTerminal:
 
 
 def _links(path: str) -> tuple[tuple[int, int, int], ...]:
-    """Return device, inode and time of the last change of every link from `path` to the port."""
+    """Return device, inode and time of the last change (ns) of each symbolic link from `path` to the port."""
     found: list[tuple[int, int, int]] = []
     step = Path(path)
     with suppress(OSError):

@@ -24,7 +24,7 @@ class SerialTransport(DescriptorTransport):
     end = "the port is readable but has no data"
     cure = "check that the adapter is plugged in and the device powered"
     reconnects = False  # opening a port resets many boards
-    empty_reads_at_end = 3  # another process that opens the port flushes the bytes that this one is about to read
+    empty_reads_at_end = 3  # another process that opens the port flushes bytes before they are read here
 
     def __init__(self, port: str, settings: SerialSettings, *, exclusive: bool = True, latency_s: float = 0.0) -> None:
         """Open `port`; TransportError when it is missing, busy or forbidden."""
@@ -34,7 +34,10 @@ class SerialTransport(DescriptorTransport):
         super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0, latency_s=latency_s)
 
     def disconnect(self) -> None:
-        """Close the port and release its lock: a forked child that inherited the open port would keep the lock."""
+        """Release the lock of the port, and close the port.
+
+        Closing alone would not release the lock while a forked child has the port open.
+        """
         if not self.lost:
             with suppress(OSError):
                 fcntl.flock(self._descriptor, fcntl.LOCK_UN)

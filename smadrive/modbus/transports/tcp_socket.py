@@ -5,8 +5,8 @@ Three measures help:
 
 - the client closes a socket that missed a deadline, and opens a new one (`reconnects`);
 - with keep-alive and user timeout, the kernel detects a dead idle connection within `DEAD_AFTER_S`;
-- a connection that is abandoned is reset. After a plain close the kernel would send undelivered bytes again: a command
-  to heat could arrive after the new connection has switched the heater off.
+- a connection that is abandoned is reset. After a plain close the kernel would repeat undelivered bytes: a command to
+  heat could arrive after a command on the new connection has switched the heater off.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class SocketTransport(DescriptorTransport):
     reconnects = True
 
     def __init__(self, host: str, port: int, framing: Framing, baudrate: int | None, latency_s: float = 0.0) -> None:
-        """Connect. `baudrate` is the baud rate of the serial line behind a gateway; it is None for Modbus TCP.
+        """Connect to the host. `baudrate` belongs to the serial line behind a gateway; it is None for Modbus TCP.
 
         TransportError when the host is unknown, refuses the connection or does not answer.
         """
@@ -55,7 +55,7 @@ class SocketTransport(DescriptorTransport):
         super().__init__(f"{host}:{port}", framing, baudrate, CONNECT_TIMEOUT_S, latency_s)
 
     def disconnect(self) -> None:
-        """Close the connection and drop undelivered bytes. (After `close`, the kernel still delivers them.)"""
+        """Close the connection and drop undelivered bytes. (`close` instead lets the kernel deliver them.)"""
         if not (self.lost or self._closed):
             with suppress(OSError):
                 self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)

@@ -15,7 +15,7 @@ from smadrive.modbus.framing.framing import Framing
 
 Parity = Literal["N", "E", "O"]
 PortAccess = Callable[[], None]
-"""Called by `write` and `reopen` before they begin, and by `read` before it waits and before it takes bytes.
+"""Called by `write` and `reopen` before they begin, and by `read` before it waits and before it reads bytes.
 
 It raises an error when another process uses the port now.
 """
