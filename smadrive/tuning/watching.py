@@ -1,4 +1,4 @@
-"""The data of the page of `smadrive watch`: every measurement, and a status with faults and the end of the command."""
+"""The data of the page of `smadrive watch`: every measurement, and a status with faults and how the command ended."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from smadrive.tuning.link.channel import ControlEnd
 
 
 class WatchFeed(TickFeed):
-    """Sends the measurements of a rig, whose heater is off, to the pages through `channel`."""
+    """Sends the measurements of a rig to the pages through `channel`. The heater of the rig is off."""
 
     def __init__(self, rig: Rig, channel: ControlEnd) -> None:
         nothing = dict.fromkeys(("end", "lost", "fault", "fault_type", "fault_s"))
@@ -19,7 +19,10 @@ class WatchFeed(TickFeed):
         self._publish()
 
     def off_requested(self) -> bool:
-        """Return True if a program has sent `POST /off`. The page itself has no OFF, because nothing heats."""
+        """Return True if a program has sent `POST /off` since the last call.
+
+        The page itself has no OFF button, because nothing heats.
+        """
         return self._channel.off_requested()
 
     def end(self) -> None:
