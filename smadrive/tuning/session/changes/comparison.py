@@ -51,7 +51,7 @@ class Comparison:
         return self.slots[slot]
 
     def start(self) -> None:
-        """Begin the comparison. At the end of the running cycle, the tuning in slot A begins to drive the wire.
+        """Begin the comparison. When the running cycle ends, the tuning in slot A takes over.
 
         ConfigError when a slot is empty, or both slots hold the same tuning.
         """
@@ -79,7 +79,8 @@ class Comparison:
     def end_cycle(self, follows: Slot | None) -> str:
         """Score the complete cycle for the slot that drove it. The tuning in slot `follows` drives the next cycle.
 
-        Return the text of an event that reports score and next slot; it is empty if there is neither.
+        `follows` is None if the comparison has not put a slot in force yet. Return the text of the event that reports
+        score and next slot; it is empty if there is neither.
         """
         texts = [] if follows is None else [f"{follows} drives"]
         if self.turn is not None and self._samples:
