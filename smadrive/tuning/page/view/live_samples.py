@@ -11,7 +11,7 @@ from smadrive.tuning.page.view.time_plots import POINTS, TimePlots
 from smadrive.tuning.page.view.time_view import TimeView
 
 TIMING_FRAMES = 7
-"""The text of the loop timing changes once in this number of frames: a new text makes the browser lay out the page."""
+"""The text of the loop timing changes once in this number of frames, because a new text causes a new layout."""
 
 
 class LiveSamples:
@@ -31,7 +31,7 @@ class LiveSamples:
 
     @property
     def is_late(self) -> bool:
-        """True if the loop has missed a tick since the page was opened."""
+        """True if the loop has missed a tick since the first sample that this page has drawn."""
         return self._timing.missed > 0
 
     def draw(self, status: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""The plots of the tuning page: those over time, the tracking error, the hysteresis plane, the firing strengths."""
+"""The plots of the tuning page: TimePlots, the tracking error over time, hysteresis plane and firing strengths."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Plots(TimePlots):
         return (*DRAWN, "error_percent")
 
     def show_model(self, model: IdentifiedModel, travel_mm: tuple[float, float]) -> None:
-        """Draw the branches of a new model, and fit the displacement axes to `travel_mm`, the ends of its travel."""
+        """Draw the branches of a new model, and fit the displacement axes to `travel_mm`, the ends of the travel."""
         self._model, self._travel_mm = model, travel_mm
         self._turning_points.data = {"v": [], "y": []}
         v = np.linspace(*model.input_range, BRANCH_POINTS)
@@ -173,8 +173,8 @@ class Plots(TimePlots):
 def _has_moved(before: Rows, now: Rows, far: Rows) -> bool:
     """Return True if the point `now` must be drawn after the point `before`. A point is temperature and displacement.
 
-    A known point is drawn if one coordinate differs by at least that of `far`. Of unknown points (NaN), only the first
-    is drawn: it ends the line.
+    `far` holds the least difference of each coordinate. A known point is drawn if one of its coordinates differs by at
+    least this difference. Of several unknown points (NaN) in a row, only the first is drawn: it ends the line.
     """
     if np.isnan(now).any():
         return not np.isnan(before).any()

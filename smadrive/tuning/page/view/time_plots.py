@@ -1,6 +1,6 @@
-"""The plots of measured values over time and their data: displacement, temperature, current.
+"""The plots of displacement, temperature and current over time, with their data.
 
-All traces share one data source, so that a new row is sent only once. An axis with known limits has fixed ends.
+All traces share one data source, so that a new row is sent to the browser only once.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ POINTS = 2000
 """Largest number of points of a trace."""
 WINDOW_S = 60.0
 SHORTEST_S = 1.0
-"""The shortest window of time. At the start of a session, the window grows from it to `WINDOW_S`."""
+"""Length of the shortest window of time. At the start of a session, the window grows from this to `WINDOW_S`."""
 DRAWN = (
     "time_s",
     "temperature_c",
