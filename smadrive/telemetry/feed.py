@@ -51,7 +51,7 @@ class RunFeed(TickFeed):
         )
 
     def begin(self, rig: Rig) -> None:
-        """Publish the devices of the open rig."""
+        """Publish the devices of the rig that was opened."""
         self._identities = rig.identities
         self._publish()
 

@@ -26,7 +26,7 @@ from smadrive.telemetry.counters import PublisherCounters
 
 NICENESS = 5
 LOOK_S = 0.05
-"""Period of the check for `off` from the broker, s."""
+"""Period at which `off` from the broker is looked for, s."""
 
 CONNECTS_WITHIN_S = 2.0
 

@@ -30,7 +30,7 @@ NICENESS = 5
 """Niceness of the page process. The model builder has niceness 0, because the user waits for its result."""
 
 FRONT_NICENESS = -10
-"""Niceness of the front process. If the system permits a negative niceness, OFF is answered before other work."""
+"""Niceness of the front process: if the system permits, OFF is answered before other work."""
 
 EXTRA = "tune"
 """These processes need the optional dependencies `smadrive[tune]`."""

@@ -1,4 +1,4 @@
-"""The data of the page of `smadrive watch`: every measurement, and a status with faults and how the command ended."""
+"""The data of the page of `smadrive watch`: every measurement, and a status with faults and the end of the command."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from smadrive.tuning.link.channel import ControlEnd
 
 
 class WatchFeed(TickFeed):
-    """Sends the measurements of a rig to the pages through `channel`. The heater of the rig is off."""
+    """Sends the measurements of a rig, whose heater is off, to the pages through `channel`."""
 
     def __init__(self, rig: Rig, channel: ControlEnd) -> None:
         nothing = dict.fromkeys(("end", "lost", "fault", "fault_type", "fault_s"))

@@ -62,7 +62,7 @@ class ModelBuilder(Protocol):
         ...
 
     def result(self) -> BuildResult | None:
-        """Return the result of the request, once, when it is ready. Return None before and afterwards."""
+        """Return the result of the request when it is ready, only once. At all other times, return None."""
         ...
 
 

@@ -32,7 +32,7 @@ def is_allowed(request: HTTPServerRequest, hosts: tuple[str, ...]) -> bool:
 
 
 class GatedHandler(RequestHandler):
-    """The base class of every handler on the page's port. It first refuses a forbidden request with status 403."""
+    """The base of every handler on the page's port. Before anything else, it refuses forbidden requests with 403."""
 
     def prepare(self) -> None:
         """Refuse the request if `is_allowed` forbids it."""

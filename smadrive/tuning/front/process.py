@@ -65,14 +65,14 @@ STALLED_S = 5.0
 
 REPORT_MS = 100
 FAREWELL_S = 0.5
-"""Longest time for which the front process, before it ends, waits until the last state has been sent to the pages."""
+"""Before it ends, the front process waits at most this time until the last state has been sent to the pages."""
 
 
 class OffHandler(GatedHandler):
     """POST /off: the loop switches the heater off at its next tick."""
 
     def check_xsrf_cookie(self) -> None:
-        """Require no cookie, so that OFF also works without a loaded page. The check of `GatedHandler` is enough."""
+        """Require no cookie: the user can switch off without loading a page. The check of `GatedHandler` is enough."""
 
     def post(self) -> None:
         """Count an OFF in the shared memory."""
@@ -94,7 +94,7 @@ class States:
         self._text = ""
 
     def enter(self, page: StateHandler) -> None:
-        """Report the state to a page that has just connected. Later changes are reported to this page, too."""
+        """Report the state, and every later change of it, to a page that has just connected."""
         self._sockets.add(page)
         page.write_message(self._text)
 

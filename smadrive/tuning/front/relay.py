@@ -43,7 +43,7 @@ BUSY = (
 
 
 class LimitedActions:
-    """Counts the actions that run now. The caller must not begin an action while `are_taken` is True."""
+    """Counts the actions that run now. The caller begins no action while `are_taken` is True."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
@@ -51,7 +51,7 @@ class LimitedActions:
 
     @property
     def are_taken(self) -> bool:
-        """True if at least `limit` actions run now."""
+        """True if `limit` actions, or more, run now."""
         return self.taken >= self.limit
 
     @contextmanager
@@ -86,7 +86,7 @@ class Relay:
         return None
 
     async def sent(self, request: HTTPServerRequest, fields: Mapping[str, str]) -> IOStream:
-        """Send the request with the header `fields` to the page process. Return the connection that gives the reply.
+        """Send the request with the header `fields` to the page process. Return the connection for the reply.
 
         StreamClosedError when no page process listens.
         """

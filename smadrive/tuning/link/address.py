@@ -6,5 +6,5 @@ ADDRESS = "127.0.0.1"
 
 
 def page_hosts(port: int) -> tuple[str, ...]:
-    """Return the values of the header Host that a browser may send for the page on this port."""
+    """Return the `Host` headers that a browser may send for the page on this port."""
     return tuple(f"{name}:{port}" for name in (ADDRESS, "localhost"))

@@ -115,7 +115,7 @@ class ControlEnd(SharedWriter, MessageLink):
 
 
 class PageEnd(SharedReader, MessageLink):
-    """The end of the channel in the page process and in the front process."""
+    """The side of the channel that the page process and the front process use."""
 
     layout = CHANNEL
 

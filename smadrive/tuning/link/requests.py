@@ -211,7 +211,7 @@ _REQUESTS: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
 
 
 def parse_request(message: bytes) -> AnyRequest:
-    """Return the request in a message. ConfigError for a malformed request; the error's `where` is the wrong key."""
+    """Return the request in a message. ConfigError for a malformed request; its `where` is the wrong key."""
     try:
         return _REQUESTS.validate_json(message)
     except ValidationError as error:

@@ -14,7 +14,7 @@ from smadrive.tuning.page.rules_table import RulesTable
 from smadrive.tuning.page.source_choice import SourceChoice
 
 Act = Callable[..., None]
-"""A function that does the action `name` of the user: `act(name, **values)`."""
+"""A function that does an action of the user: `act(name, **values)`."""
 
 
 class Controls:
@@ -135,7 +135,7 @@ def _button(name: str, label: str, kind: str) -> Button:
 
 
 def _set(widget: Any, **values: Any) -> None:
-    """Set the `values` that have changed. Every assignment goes to the browser, so unchanged values are skipped."""
+    """Set the values that differ. Values that are equal are skipped, because every assignment goes to the browser."""
     for name, value in values.items():
         if getattr(widget, name) != value:
             setattr(widget, name, value)

@@ -23,7 +23,7 @@ COMPACT = f"""
 """
 """Style of compact widgets.
 
-The last line colours the slider: bokeh applies `bar_color` only to a slider that is enabled when it is first drawn.
+Its last line colours the slider: bokeh applies `bar_color` only to a slider that is enabled when it is first drawn.
 """
 
 

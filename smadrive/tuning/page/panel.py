@@ -1,4 +1,4 @@
-"""The texts of the page as HTML: state, faults with their remedies, events, scores, timing of the loop."""
+"""The texts of the page as HTML: states, faults with their remedy, events, scores, timing of the loop."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class LoopTiming:
         self.missed += int(np.sum(late_s > LATE_FRACTION * self._period_s))
 
     def __str__(self) -> str:
-        """Return a text: period, median and 99th percentile of the lateness, and number of missed ticks."""
+        """Return a text: the period, median and 99th percentile of the lateness, and the number of missed ticks."""
         if not self._late_s:
             return "no tick yet"
         median_ms, worst_ms = 1e3 * np.percentile(self._late_s, (50, 99))

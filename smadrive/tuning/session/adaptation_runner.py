@@ -112,7 +112,7 @@ class AdaptationRunner:
         return f"adaptation ended: {self._ended.sensor_fault}; the rules from before the fault are put in force"
 
     def _wire_c(self, measurement: Measurement) -> float:
-        """Return the wire temperature in °C, estimated by heat balance and thermocouple alone; NaN if unknown."""
+        """Return the wire temperature in °C, estimated only from heat balance and thermocouple; NaN if unknown."""
         dt_s, self._time_s = measurement.time_s - self._time_s, measurement.time_s
         power_w = measurement.current_a * measurement.voltage_v
         if not isfinite(power_w):

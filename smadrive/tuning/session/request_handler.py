@@ -106,7 +106,7 @@ class RequestHandler:
             self._state.report(f"slot {request.slot} keeps the tuning after '{self._state.tunings.in_force.change}'")
 
     def _check_source(self, request: SetSource) -> None:
-        """Report the warnings about the requested source of the displacement. ConfigError if the rig cannot use it."""
+        """Report the warnings about a source of the displacement. ConfigError if the rig cannot use it."""
         wire = self._wire.wire_model(self._state.tunings.in_force.model)
         for warning in self._state.rig.check_chosen(wire, request.displacement_from, self._leads_seen_c()):
             self._state.report(f"warning: {warning}")

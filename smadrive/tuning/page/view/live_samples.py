@@ -11,7 +11,7 @@ from smadrive.tuning.page.view.time_plots import POINTS, TimePlots
 from smadrive.tuning.page.view.time_view import TimeView
 
 TIMING_FRAMES = 7
-"""The text of the loop timing changes once in this number of frames, because a new text causes a new layout."""
+"""The text of the loop timing changes once in this number of frames: a new text makes the browser lay out the page."""
 
 
 class LiveSamples:

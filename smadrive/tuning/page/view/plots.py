@@ -56,7 +56,7 @@ class Plots(TimePlots):
         return (*DRAWN, "error_percent")
 
     def show_model(self, model: IdentifiedModel, travel_mm: tuple[float, float]) -> None:
-        """Draw the branches of a new model, and fit the displacement axes to `travel_mm`, the ends of the travel."""
+        """Draw the branches of a new model, and fit the displacement axes to `travel_mm`, the ends of its travel."""
         self._model, self._travel_mm = model, travel_mm
         self._turning_points.data = {"v": [], "y": []}
         v = np.linspace(*model.input_range, BRANCH_POINTS)

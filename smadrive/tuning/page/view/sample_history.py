@@ -14,7 +14,7 @@ from smadrive.stream.samples import COLUMNS, Rows
 from smadrive.tuning.link.channel import PageEnd
 
 FULL_ROWS = 1 << 16
-"""At least this number of the newest samples is kept unchanged: 54 minutes at 20 Hz, 10.9 minutes at 100 Hz."""
+"""At least this number of the newest samples is never reduced: 54 minutes at 20 Hz, 10.9 minutes at 100 Hz."""
 
 CAPACITY = 2 * FULL_ROWS
 
@@ -67,7 +67,7 @@ class SampleHistory:
         return reduced(np.concatenate(parts), most)
 
     def _reduce_oldest(self) -> None:
-        """Reduce the oldest `FULL_ROWS` of the unchanged samples, and append them to the reduced samples."""
+        """Reduce the oldest `FULL_ROWS` samples that are still complete, and append them to the reduced samples."""
         oldest = reduced(self._rows[:FULL_ROWS], FULL_ROWS // self._factor)
         self._old = np.concatenate((self._old, oldest))
         while len(self._old) > FULL_ROWS:

@@ -15,7 +15,7 @@ POINTS = 2000
 """Largest number of points of a trace."""
 WINDOW_S = 60.0
 SHORTEST_S = 1.0
-"""Length of the shortest window of time. At the start of a session, the window grows from this to `WINDOW_S`."""
+"""The shortest window of time. At the start of a session, the window grows from it to `WINDOW_S`."""
 DRAWN = (
     "time_s",
     "temperature_c",

@@ -26,7 +26,7 @@ NARROW = ":host { min-width: 0; } .bk-btn { padding: 2px 0; }"
 """Style that fits all buttons into one row of 400 pixels."""
 
 STEP = 0.5
-"""Back and Forward move the window by this share of its length."""
+"""Share of the window by which Back and Forward move it."""
 
 
 class TimeView:

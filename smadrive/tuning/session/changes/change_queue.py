@@ -24,7 +24,7 @@ from smadrive.wire.wire_properties import WireProperties
 MAX_WAITING = 8
 
 Answer = tuple[AnyRequest, str | None]
-"""A request, and the reason for its refusal. The reason is None when the request is done."""
+"""A request, and the reason why it is refused, which is None when the request is done."""
 
 
 class ChangeQueue:
@@ -78,7 +78,7 @@ class ChangeQueue:
         return True
 
     def update(self, live: SwappableController | None, now_s: float) -> Iterator[str]:
-        """Put a built change in force, and begin the next job. Yield the events to report. Call this at every tick."""
+        """Put a built change in force, and begin the next job. Yield the events to report. Called at every tick."""
         result = self._builder.result() if self._is_building else None
         if result is not None:
             job, self._job, self._is_building = self._job, None, False
@@ -107,7 +107,7 @@ class ChangeQueue:
         self._tunings.end_comparison()
 
     def _queue(self, job: Job) -> None:
-        """Queue a job, or put it in the place of a waiting job that it replaces. ConfigError if too many jobs wait."""
+        """Append a job, or put it in the place of a waiting job that it replaces. ConfigError if too many jobs wait."""
         for place, waiting in enumerate(self._waiting):
             if job.replaces(waiting):
                 self._waiting[place] = job

@@ -51,7 +51,7 @@ class Comparison:
         return self.slots[slot]
 
     def start(self) -> None:
-        """Begin the comparison. When the running cycle ends, the tuning in slot A takes over.
+        """Begin the comparison. At the end of the running cycle, the tuning in slot A begins to drive the wire.
 
         ConfigError when a slot is empty, or both slots hold the same tuning.
         """

@@ -41,7 +41,7 @@ class ComparisonRunner:
         self._comparison.sample(error_mm, hot_mm - cold_mm)
 
     def update(self, live: SwappableController) -> str:
-        """After a complete cycle, score it. Put the other slot's tuning in force if its controller is ready.
+        """After a complete cycle, score the cycle. Let the other slot's tuning drive if its controller is ready.
 
         Return the text of the event to report; it is empty within a cycle, and if no comparison runs.
         """

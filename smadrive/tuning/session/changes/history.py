@@ -37,7 +37,7 @@ class History:
         return self._line[self._at + 1].change if self._at + 1 < len(self._line) else None
 
     def push(self, tuning: Tuning, time_s: float) -> None:
-        """Add the tuning that a new change has made, at `time_s`. The tunings for redo are dropped."""
+        """Add the tuning that a new change has made. Changes that could be redone before are forgotten."""
         goes_on = (
             self._at > 0
             and tuning.change == self.now.change

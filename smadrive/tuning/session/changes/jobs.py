@@ -29,9 +29,9 @@ from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.tuning import Change, Tuning
 
 ReferenceLookup = Callable[[str | None, Tuning, float], Reference]
-"""A function that returns the reference to track, from its name, a tuning and the present setpoint in mm.
+"""A function of the name of a reference, a tuning and the present setpoint in mm. It returns the reference to track.
 
-If the name is None, the reference stays at the present setpoint.
+Without a name (None), the reference stays at the present setpoint.
 """
 
 
@@ -183,5 +183,5 @@ def job_of(request: AnyRequest, tunings: Tunings, path: ReferenceLookup) -> Job:
 
 
 def _running(live: SwappableController | None) -> Reference | None:
-    """Return the reference that the loop tracks now. Return None if no loop runs."""
+    """Return the reference that the loop tracks, None without a loop. An earlier job may have changed it."""
     return None if live is None else live.reference
