@@ -1,7 +1,8 @@
-"""The common part of all child processes of the control process (see supervised_process.py).
+"""The common part of the child processes that supervised_process.py starts.
 
-A child reads one line of parameters from standard input, and writes one line when it is ready. Its standard input
-ends when the control process dies or closes it; then the child ends without a message.
+Their parent is the control process: the driver process that runs the loop. A child reads one line of parameters from
+standard input, and writes one line to standard output when it is ready. Standard input ends when the control process
+closes it or dies. Then the child ends without an error message.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any
 
 
 def run(serve: Callable[[dict[str, Any]], None]) -> None:
-    """Call `serve` with the parameters. If the control process dies before it sends parameters, return at once."""
+    """Call `serve` with the parameters from standard input. Return if the control process dies before it sends them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     line = sys.stdin.readline()
     if line:

@@ -1,4 +1,4 @@
-"""The status of a rig that every reader of a stream gets, and the feed of a command: rows of ticks and this status."""
+"""The common part of every published status, and the feed: it writes the ticks and the status of a command."""
 
 from __future__ import annotations
 
@@ -19,9 +19,10 @@ STATUS_S = 0.2
 def common_status(
     config: RigConfig, identities: Mapping[str, object], measurement: Measurement | None
 ) -> dict[str, Any]:
-    """Return the fields of every status: rig, devices, limits, and what the last measurement says about faults.
+    """Return the fields that every status has: rig, rate, limits, devices, active limits, and faults.
 
-    `identities` has the type of each device by its name. `measurement` is None before the first one.
+    `identities` has the type of each device by its name. `measurement` is the last measurement; it is None before the
+    first tick.
     """
     return {
         "rig": config.name,
@@ -40,7 +41,7 @@ def common_status(
 class TickFeed:
     """Writes each tick as a row to `writer`, and every `STATUS_S` a status.
 
-    The status has the fields of `common_status` and those of `own`, which the feed of a command adds.
+    The status has the fields of `common_status`, and the fields `own`, with which a subclass extends it.
     """
 
     def __init__(self, writer: SharedWriter, config: RigConfig, identities: Mapping[str, object], **own: Any) -> None:
@@ -63,6 +64,6 @@ class TickFeed:
             self._publish()
 
     def _publish(self, **changes: Any) -> None:
-        """Publish the status with `changes` of its own fields."""
+        """Change some of the fields `own`, then publish the status."""
         self._own.update(changes)
         self._writer.publish({**common_status(self._config, self._identities, self._measurement), **self._own})

@@ -3,8 +3,8 @@
     rows      a ring: new rows overwrite the oldest
     status    one JSON document, which is replaced as a whole
 
-A reader compares the number of a row, or the version of the status, before and after the copy, and drops a copy whose
-number or version has changed.
+A reader compares the number of a row before and after it copies the row. If the number has changed, the writer was
+writing this row, and the reader drops the copy. The version of the status is compared in the same way.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ STREAM = np.dtype(
         ("rows", "f8", (CAPACITY, len(COLUMNS))),
     ]
 )
-"""The layout of the memory. A layout that begins with these fields can be read by a `SharedReader`, too."""
+"""The layout of the memory. `SharedReader` can also read a longer layout that begins with these fields."""
 
 
 class SharedWriter(MappedBlock):
@@ -73,21 +73,21 @@ class SharedReader(MappedBlock):
 
     @property
     def written(self) -> int:
-        """The number of rows that were written since the session began."""
+        """The number of rows that were written since the memory was created."""
         return self._count("rows_written")
 
     def since(self, number: int) -> tuple[int, Rows]:
-        """Return the `number` to use in the next call, and all rows since row `number` as an array (rows, columns).
+        """Return the `number` for the next call, and the rows from row `number` on as an array (rows, columns).
 
-        The array does not hold the rows that newer rows have overwritten.
+        Rows that newer rows have overwritten are left out.
         """
         numbers, rows = self.rows(number, CAPACITY)
         return (int(numbers[-1]) + 1 if numbers.size else number), rows
 
     def rows(self, first: int, most: int) -> tuple[NDArray[np.int64], Rows]:
-        """Return the numbers of the oldest rows since row `first`, and their values as an array (rows, columns).
+        """Return at most `most` rows from row `first` on: their numbers, and their values as an array (rows, columns).
 
-        These are at most `most` rows. Rows that newer rows have overwritten are left out.
+        Rows that newer rows have overwritten are left out.
         """
         written = self.written
         oldest = max(first, written - CAPACITY + 1)

@@ -1,10 +1,10 @@
-"""A child process of the control process (the process that runs the loop). A child that dies is restarted.
+"""A child process of the control process (the driver process that runs the loop). A child that dies is restarted.
 
 Work in a thread of the control process would delay the ticks, because Python runs one thread at a time. A child process
 only competes for the processors, where the loop can have priority. The child gets its parameters as one line on its
-standard input, and ends when its standard input ends. So it ends with the session, and also when the control process
-dies. If the child dies, a thread of the control process tries to restart it until a restart succeeds. This thread only
-waits, so it does not delay the ticks.
+standard input, and ends when its standard input ends: when the control process closes it or dies. If the child dies, a
+thread of the control process tries to restart it until a restart succeeds. This thread almost only waits, so it does
+not delay the ticks.
 """
 
 from __future__ import annotations
@@ -40,8 +40,9 @@ class SupervisedProcess:
     """The child process `python -m MODULE`, as a context manager.
 
     The child gets `parameters` and inherits the file descriptors `fds`; it answers with one line when it is ready. A
-    positive `niceness` lowers the priority of the child, a negative one raises it if the system permits. `extra` is the
-    extra of smadrive with the packages of the child. ConfigError when the child does not start.
+    positive `niceness` lowers the priority of the child, a negative one raises it if the system permits. `extra` names
+    the optional dependencies that the child needs: `pip install smadrive[extra]`. ConfigError when the child does not
+    start.
     """
 
     def __init__(
@@ -143,7 +144,7 @@ class SupervisedProcess:
         return False
 
     def _restart(self) -> None:
-        """Try to start the child until it runs or the session ends: a lack of memory may be temporary."""
+        """Try to start the child until it runs or the context ends. A failure may be temporary: a lack of memory."""
         while not self._is_ending.wait(RESTART_S):
             try:
                 self._start()
@@ -156,9 +157,9 @@ class SupervisedProcess:
 
 
 def _set_priority(pid: int, niceness: int) -> None:
-    """Set the niceness of a process and, on Linux, of its session: Linux shares the processors among sessions.
+    """Set the niceness of a process, and of its session if Linux shares the processors among sessions (autogroup).
 
-    Do nothing if the process has already ended, or if the system does not permit this niceness.
+    Ignore the error if the process has already ended, or if the system does not permit this niceness.
     """
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, pid, niceness)

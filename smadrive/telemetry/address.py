@@ -33,7 +33,7 @@ class BrokerAddress:
     """The parsed address of a broker.
 
     `prefix` is the beginning of all topics. `ca_file`, `cert_file` and `key_file` are PEM files for TLS; without
-    `ca_file` the certificates of the system are used. `repr` shows no password.
+    `ca_file` the certificates of the system are used. `str` and `repr` show neither user nor password.
     """
 
     host: str
@@ -55,7 +55,7 @@ class BrokerAddress:
 
 
 def parse_address(url: str, environment: Mapping[str, str] = os.environ) -> BrokerAddress:
-    """Return the address in `url`. ConfigError for an address that cannot be used, and for a missing file."""
+    """Return the address in `url`. ConfigError when it cannot be used, or when a file that it names cannot be used."""
     parts = _split(url)
     keys = _keys(parts)
     for key, path in keys.items():
@@ -81,7 +81,7 @@ def parse_address(url: str, environment: Mapping[str, str] = os.environ) -> Brok
 
 
 def tls_context(address: BrokerAddress) -> ssl.SSLContext:
-    """Return the context that checks the broker's certificate. ConfigError when a file holds no certificate or key."""
+    """Return the context that checks the broker's certificate. ConfigError when one of the PEM files cannot be used."""
     try:
         context = ssl.create_default_context(cafile=address.ca_file)
         if address.cert_file is not None:
@@ -93,7 +93,7 @@ def tls_context(address: BrokerAddress) -> ssl.SSLContext:
 
 
 def _split(url: str) -> SplitResult:
-    """Return the parts of the address. ConfigError for a wrong scheme, host or port, and for a password."""
+    """Return the parts of the address. ConfigError for a wrong scheme, host or port, a password, or the character #."""
     try:
         parts = urlsplit(url)
         has_port = parts.port != 0
@@ -107,7 +107,7 @@ def _split(url: str) -> SplitResult:
     if parts.scheme not in PORTS:
         raise _unusable("is not the address of an MQTT broker", url)
     if not parts.hostname or not has_port:
-        raise _unusable("names no host", url)
+        raise _unusable("names no host, or the port 0", url)
     return parts
 
 
@@ -135,7 +135,7 @@ def _prefix(path: str) -> str:
 
 
 def _password(file: str | None, environment: Mapping[str, str]) -> str | None:
-    """Return the password, or None if neither file nor variable is given."""
+    """Return the password in `file`, else that of the environment variable, else None. ConfigError for the file."""
     if file is None:
         return environment.get(PASSWORD_VARIABLE)
     try:

@@ -1,7 +1,8 @@
-"""The connection to an MQTT broker. This module alone imports paho-mqtt.
+"""The connection to an MQTT broker. Only this module imports paho-mqtt.
 
-A thread of paho connects, reconnects and moves the bytes, so no method waits. The session of the broker is clean: what
-the broker did not confirm is sent again by paho after a reconnection (QoS 1, at least once).
+A thread of paho connects, reconnects and moves the bytes, so only `close` waits. The MQTT session is clean: the broker
+keeps nothing of an earlier connection. After a reconnection, paho sends all unconfirmed messages again (QoS 1: each
+message arrives at least once).
 """
 
 from __future__ import annotations
@@ -22,16 +23,17 @@ RETRY_S = (1, 5)
 """Shortest and longest pause between two attempts to connect."""
 
 IN_FLIGHT = 100
-"""Number of messages that may wait for their confirmation."""
+"""Largest number of messages that are sent before the first of them is confirmed. Further messages wait in a queue."""
 
 MOST_NUMBERS = 65535
-"""Number of messages that MQTT can tell apart."""
+"""The largest number of a message in MQTT. The next message has the number 1."""
 
 
 class Delivery:
     """A message on its way to the broker. `confirmed` holds the numbers of the messages that the broker has confirmed.
 
-    paho's own object raises an error for ever if the message found no connection, although paho sends it later.
+    It replaces paho's MQTTMessageInfo. For a message that was published without a connection, the `is_published` of
+    MQTTMessageInfo always raises an error, even after paho has sent the message.
     """
 
     def __init__(self, number: int, confirmed: set[int]) -> None:
@@ -44,10 +46,13 @@ class Delivery:
 
 
 class Broker:
-    """A connection that is made in the background. `connections` counts the times at which it was made.
+    """The connection to a broker, which paho makes in the background.
 
-    `will` is the topic and the text that the broker publishes when this program is lost. A message at the topic
-    `command` calls `on_command`; a retained one does not, because it is older than this connection.
+    will           topic and text that the broker publishes when it loses this program
+    command        topic whose messages call `on_command`; None for no such topic. A retained message does not call
+                   it, because it is older than this connection
+    connections    number of times that the connection was made
+    trouble        reason why the last attempt to connect failed, or why the connection ended; empty if connected
     """
 
     def __init__(
@@ -82,7 +87,7 @@ class Broker:
 
     @property
     def is_connected(self) -> bool:
-        """True while the broker answers, as far as it is known."""
+        """True while paho regards the broker as connected. A loss is noticed after about twice `KEEPALIVE_S`."""
         return self._client.is_connected()
 
     def publish(self, topic: str, payload: str, *, retain: bool = False) -> Delivery:
@@ -92,9 +97,10 @@ class Broker:
         return Delivery(number, self._confirmed)
 
     def _forget_until(self, number: int) -> None:
-        """Forget old confirmations of the next numbers: after `MOST_NUMBERS` messages, paho counts from 1 again.
+        """Forget old confirmations, because paho uses each number again after `MOST_NUMBERS` messages.
 
-        `number` is that of the latest message. What is forgotten lies half a cycle ahead, so no message loses its own
+        `number` is the number of the latest message. For each new message, the confirmation of one number is
+        forgotten: the number that follows half of `MOST_NUMBERS` messages later. So no message loses its own
         confirmation.
         """
         while self._latest != number:
@@ -102,7 +108,7 @@ class Broker:
             self._confirmed.discard((self._latest + MOST_NUMBERS // 2) % MOST_NUMBERS + 1)
 
     def close(self) -> None:
-        """Disconnect, so that the broker does not publish the will, and end the thread."""
+        """Disconnect, and wait for the end of paho's thread. After a disconnection the broker publishes no will."""
         self._client.disconnect()
         self._client.loop_stop()
 

@@ -23,13 +23,13 @@ LAYOUT = np.dtype(
 
 
 class PublisherCounters(MappedBlock):
-    """The counts of a publisher. The publisher process writes, the control process reads."""
+    """The counts of a publisher. The publisher process writes them, the driver reads them."""
 
     layout = LAYOUT
 
     @classmethod
     def created(cls) -> Self:
-        """Create the memory. The caller closes `memory_fd` by leaving the context."""
+        """Create the memory, and return its counters. They are a context manager, which closes `memory_fd`."""
         return cls(anonymous_memory(LAYOUT.itemsize))
 
     def __getitem__(self, name: str) -> int:
@@ -40,7 +40,7 @@ class PublisherCounters(MappedBlock):
 
     @property
     def trouble(self) -> str:
-        """The reason why the broker is not connected; empty before the first attempt, and while it is connected."""
+        """The reason why the broker is not connected. Empty while it is connected, and before the first failure."""
         return bytes(self._block["trouble"][0]).decode(errors="replace")
 
     @trouble.setter

@@ -15,14 +15,14 @@ from smadrive.stream.feed import TickFeed
 from smadrive.stream.shared_memory import SharedWriter
 
 OFF, UNCONFIRMED = "off", "off, unconfirmed"
-"""The `mode` without heat, and after a failure to switch off."""
+"""The published `mode`: OFF before the first tick and after the run, UNCONFIRMED if the heater is not confirmed off."""
 
 
 class RunFeed(TickFeed):
-    """Writes ticks and status of a run to shared memory; a context manager around the rig.
+    """Writes ticks and status of a run to shared memory. A context manager.
 
-    `mode` is the published mode while ticks arrive. When the context ends, the rig is closed, and the status tells
-    whether the heater is confirmed off.
+    `mode` is the published mode while ticks arrive. The rig must be opened and closed within the context: at its end
+    the status says whether the heater is confirmed off.
     """
 
     def __init__(self, writer: SharedWriter, config: RigConfig, mode: str) -> None:
@@ -39,7 +39,7 @@ class RunFeed(TickFeed):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Publish the end, the last faults, and the error of smadrive that has ended the run."""
+        """Publish the end, and the SmadriveError that has ended the run, if any."""
         outcome = None if error is None else shutdown_of(error)
         is_off = outcome is None or outcome.confirmed
         fault = error if isinstance(error, SmadriveError) else None
@@ -56,7 +56,7 @@ class RunFeed(TickFeed):
         self._publish()
 
     def tick(self, tick: Tick) -> None:
-        """Write a tick. The first tick begins the published `mode`, and gives the time of all rows."""
+        """Write a tick. At the first tick, publish `mode`, and the Unix time at which `time_s` is 0."""
         if self._began_s is None:
             self._publish(began_unix_s=time.time() - tick.time_s, mode=self._running_mode)
         super().tick(tick)

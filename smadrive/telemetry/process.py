@@ -1,6 +1,6 @@
 """The publisher process: it moves rows and status from shared memory to the broker until the driver ends.
 
-At the end of the driver it sends what is left, for at most `DRAIN_S`.
+Then it sends the remaining messages, for at most `DRAIN_S`.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from smadrive.telemetry.publisher import Publisher
 from smadrive.telemetry.schema import GONE, topic_of
 
 LOOK_S = 0.05
-"""Period at which new rows are looked for: one tick at 20 Hz."""
+"""Period of `Publisher.step`: one tick at 20 Hz."""
 
 BUSY_S = 0.01
-"""This period while more rows wait than may be in flight."""
+"""Period of `Publisher.step` while the publisher is behind (see `Publisher.is_behind`), and at the end."""
 
 DRAIN_S = 2.0
 

@@ -1,7 +1,7 @@
-"""The publisher of a command: its process, its counts, and `off` from the broker.
+"""The publication of a command: the publisher process, the counts, and `off` from the broker.
 
-The loop only writes into shared memory. The publisher process has a lower priority, and may die: it is restarted and
-goes on with the first sample that the broker has not confirmed.
+The loop only writes into shared memory. The publisher process has a lower priority. If it dies, it is restarted, and
+continues with the first sample that the broker has not confirmed. `off` is a message at the topic PREFIX/RIG/off.
 """
 
 from __future__ import annotations
@@ -32,7 +32,14 @@ CONNECTS_WITHIN_S = 2.0
 
 
 class PublisherCounts(NamedTuple):
-    """The counts of a publication. `trouble` is the reason why the broker is not connected, or empty."""
+    """The counts of a publication, since the command began.
+
+    samples        samples that the broker has confirmed
+    dropped        samples that were overwritten before they were sent
+    waiting        samples that are not confirmed yet
+    connections    connections to the broker
+    trouble        reason why the broker is not connected; empty while it is connected, and before the first failure
+    """
 
     samples: int
     dropped: int
@@ -42,10 +49,11 @@ class PublisherCounts(NamedTuple):
 
 
 class Publication:
-    """Publishes what `writer` gets to a broker; a context manager. ConfigError when paho-mqtt is not installed.
+    """Publishes the rows and the status in the memory of `writer` to a broker; a context manager.
 
-    `command` is the name of the command for the subscribers. `off` from the broker calls `on_off` once it is set, and
-    only if the rig file has `off_by_mqtt = true`.
+    `command` is the name of the command for the subscribers. If the rig file has `off_by_mqtt = true`, the first `off`
+    from the broker calls `on_off`. If `on_off` is still None, the call is made as soon as it is set. ConfigError when
+    paho-mqtt is not installed, or when the publisher process does not start.
     """
 
     def __init__(self, address: BrokerAddress, config: RigConfig, command: str, writer: SharedWriter) -> None:
@@ -74,7 +82,7 @@ class Publication:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the process, which first sends what is left."""
+        """End the publisher process, which first sends the remaining messages."""
         self._on_exit.__exit__(kind, error, trace)
 
     @property
@@ -97,7 +105,10 @@ class Publication:
         )
 
     def wait_for_broker(self) -> bool:
-        """Wait until the broker is connected, at most `CONNECTS_WITHIN_S`. Call this before the loop begins."""
+        """Wait until the broker is connected, at most `CONNECTS_WITHIN_S`. Return True if it is connected.
+
+        Call this before the loop begins.
+        """
         give_up_s = time.monotonic() + CONNECTS_WITHIN_S
         while not self._counters["is_connected"] and time.monotonic() < give_up_s:
             time.sleep(LOOK_S)

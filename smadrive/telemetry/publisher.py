@@ -1,9 +1,9 @@
-"""Publishes the rows and the status of a loop from shared memory, in a process of its own.
+"""Publishes the rows and the status of a loop from shared memory. It runs in the publisher process (process.py).
 
-The ring of rows is the queue: what the broker has not confirmed stays in the ring, and the oldest rows are overwritten
-if the broker is away for too long. These rows are counted as dropped. At most `IN_FLIGHT` samples are handed to the
-connection at a time, so the memory of the process does not grow. Retained messages are sent when they change, and all
-of them again after a reconnection: a broker that was restarted may have forgotten them.
+The ring of rows is the queue. If the broker is away for too long, the loop overwrites the oldest rows before they are
+sent. These rows are counted as dropped. At most `IN_FLIGHT` samples are in flight: handed to the connection, but not
+confirmed yet. So the memory of the process does not grow. A retained message is sent when it changes. After a
+reconnection all retained messages are sent again, because a restarted broker may have forgotten them.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from smadrive.telemetry.schema import (
 
 IN_FLIGHT = 100
 COUNTS_S = 5.0
-"""Period of the topic `publisher`, s."""
+"""Shortest time between two messages at the topic `publisher`, s."""
 
 
 class Confirmation(Protocol):
-    """The confirmation of a message, which may still be outstanding."""
+    """A message that was handed to the connection. The broker may not have confirmed it yet."""
 
     def is_published(self) -> bool:
         """Return True if the broker has confirmed the message."""
@@ -114,10 +114,10 @@ class Publisher:
             self._version, self._status = status
 
     def _note_connection(self) -> bool:
-        """After a connection, forget which retained messages the broker has got, and return True.
+        """Update the counts of the connection. Return True if a new connection was made since the last step.
 
-        The connection then repeats its unconfirmed messages. Newer ones must wait until the next step: otherwise an
-        older state could arrive last.
+        A new connection first repeats its unconfirmed messages. So new messages wait until the next step: otherwise an
+        older state could arrive after a newer one. After a new connection all retained messages must be sent again.
         """
         is_new = self._broker.connections != self._connections
         if is_new:

@@ -1,6 +1,6 @@
 """The messages of the stream, version `VERSION`: their topics, fields and units. docs/telemetry.md describes them.
 
-    PREFIX/RIG/schema        retained   this table
+    PREFIX/RIG/schema        retained   the fields of all messages, with their units and meanings
     PREFIX/RIG/driver        retained   ONLINE, ENDED or GONE, as plain text; GONE is also the last will
     PREFIX/RIG/state         retained   what the driver does
     PREFIX/RIG/faults        retained   faults of the devices, and the fault that ended a run
@@ -25,14 +25,14 @@ from smadrive.stream.samples import COLUMNS
 VERSION = 1
 
 ONLINE, ENDED, GONE = "online", "ended", "gone"
-"""The texts of the topic `driver`. GONE: the driver was killed, or its connection to the broker has ended."""
+"""The texts of the topic `driver`. GONE: the driver was killed, or the broker has lost the connection to it."""
 
 DIGITS = 6
-"""Numbers are rounded to this many decimal places: below the noise of every sensor."""
+"""Numbers are rounded to this many decimal places. The error by rounding is below the noise of every sensor."""
 
 
 class MessageField(NamedTuple):
-    """One field of a message: its unit as in a log file (an empty text: no number), and its meaning."""
+    """One field of a message: `unit` as in a log file, empty for a field that is no number; `label` is the meaning."""
 
     unit: str
     label: str
@@ -49,7 +49,9 @@ STATE = {
     "rig": MessageField("", "name of the rig"),
     "command": MessageField("", "command that runs"),
     "mode": MessageField(
-        "", "what the driver does: off, tracking, holding, exciting, heating; 'off, unconfirmed' after a loss"
+        "",
+        "what the driver does: off, tracking, holding, exciting, heating; "
+        "'off, unconfirmed' when switching off has failed",
     ),
     "end": MessageField("", "null during the command, then off or unconfirmed"),
     "limited_by": MessageField("", "limits that hold the output back now"),
@@ -94,7 +96,10 @@ def schema_document() -> dict[str, Any]:
 
 
 def sample_message(number: int, began_unix_s: float, values: Iterable[float]) -> dict[str, Any]:
-    """Return the message of a row with the values of `COLUMNS`."""
+    """Return the message of one row. `number` is the number of the row, `values` are the values of `COLUMNS`.
+
+    `began_unix_s` is the Unix time at which `time_s` is 0. A value that is not finite becomes None.
+    """
     row = dict(zip(COLUMNS, (_number(value) for value in values), strict=True))
     return {"schema": VERSION, "number": number, "unix_s": round(began_unix_s + (row["time_s"] or 0.0), 3), **row}
 

@@ -1,4 +1,7 @@
-"""Starts and ends the child processes of the control process: front process, page process and model builder."""
+"""Starts and ends the front process, the page process and the model builder process.
+
+They are child processes of the control process: the driver process that runs the loop.
+"""
 
 from __future__ import annotations
 
@@ -30,19 +33,21 @@ FRONT_NICENESS = -10
 """Niceness of the front process: if the system permits, OFF is answered before other work."""
 
 EXTRA = "tune"
-"""The extra of smadrive with the packages of these processes."""
+"""These processes need the optional dependencies `smadrive[tune]`."""
 
 FROZEN_LOOKS = 10
-"""The front process is killed after this number of checks without a heartbeat. The checks take 1 s.
+"""The front process is killed after this number of checks without a heartbeat, which is after 1 s.
 
-Checks are counted, not seconds, because the control process itself may be paused.
+Checks are counted, not seconds, because the control process itself may be paused. During a pause no check is made, so
+a pause does not kill the front process.
 """
 
 
 class PageProcess(SupervisedProcess):
     """Builds the pages. It listens for the front process on the Unix socket at `path`.
 
-    `document` has the parameters of the pages; with `token` they can control the session, without it they only watch.
+    `document` has the parameters of the pages. With the key `token` they are tuning pages, one of which can control the
+    session; without it they are pages of `smadrive watch`.
     """
 
     def __init__(self, channel: ControlEnd, *, port: int, path: str, document: Mapping[str, str]) -> None:
@@ -75,8 +80,8 @@ class FrontProcess(SupervisedProcess):
 class LivePage:
     """A page in the browser: its port, its front process and its page process. A context manager.
 
-    `document` has the parameters of PageProcess. `url`, the address of the page, is valid inside the context.
-    ConfigError when the port cannot be opened, for example because another program uses it.
+    `document` is that of PageProcess. `url`, the address of the page, is valid inside the context. ConfigError when a
+    process does not start, or when the port cannot be opened, for example because another program uses it.
     """
 
     server: PageProcess
@@ -118,7 +123,7 @@ class LivePage:
 
 
 class TuningPage(LivePage):
-    """The tuning page, which saves new models and rigs in `folder`. Its address contains the token."""
+    """The tuning page. It saves new model files and rig files in `folder`. Its address contains `token`."""
 
     def __init__(self, channel: ControlEnd, *, port: int, token: str, rig_file: Path, folder: Path) -> None:
         document = {"token": token, "rig_file": str(rig_file), "folder": str(folder)}
@@ -181,7 +186,10 @@ class BuilderProcess(SupervisedProcess):
         self._link.send(b"%d" % self._number, pack_request(request))
 
     def result(self) -> BuildResult | None:
-        """Return the result, or None until it arrives (see ModelBuilder); a BuildFailure if the child has died."""
+        """Return the result of the request, or None until it arrives; see ModelBuilder.
+
+        The result is a BuildFailure if the child has died since `begin`.
+        """
         if self._request is None:
             return None
         result = self._received(self._request)
@@ -194,7 +202,7 @@ class BuilderProcess(SupervisedProcess):
         return result
 
     def _received(self, request: BuildRequest) -> BuildResult | None:
-        """Return the result if it has arrived. The result of an earlier request is dropped."""
+        """Return the result of `request` if it has arrived, else None. Drop the result of an earlier request."""
         message = self._link.received()
         if message is None or int(message[0]) != self._number:
             return None

@@ -22,7 +22,7 @@ from smadrive.wire.wire_model import travel_mm
 
 @dataclass(frozen=True)
 class Adapted:
-    """The change that puts the present rules of `adaptation` into the tuning, as they are when the request is sent."""
+    """The change that puts the rules of `adaptation` into the tuning. They are read when the build request is sent."""
 
     adaptation: Adaptation
 
@@ -34,9 +34,11 @@ Change = SetShape | SetFeedback | SetSource | SetRule | SetModel | Adapted
 class Tuning:
     """A model, the settings of the feedback, and the source of the displacement.
 
-    `unmoved` is the model before its branches were moved, `shape` the wanted place and width of the branches, and
-    `model` the model with this shape. `change` is the name of the change that made this tuning.
-    `caveats` are reasons to distrust the model. They stay until another model is fitted or loaded.
+    model      `unmoved` with its branches moved, widened and scaled to `shape`
+    unmoved    the model as identified, fitted, adapted or edited
+    shape      place and width of the branches, and scale of the displacement
+    change     name of the change that made this tuning
+    caveats    reasons to distrust the model. They stay until a SetModel replaces the model
     """
 
     model: IdentifiedModel
@@ -60,7 +62,7 @@ class Tuning:
         return cls(model, model, shape_of(model), feedback, change, caveats, displacement_from)
 
     def drives_as(self, other: Tuning) -> bool:
-        """Return True if both tunings drive a wire in exactly the same way. The names of changes do not matter."""
+        """Return True if both tunings drive a wire in exactly the same way. Names and caveats do not matter."""
         texts = [model_text(tuning.model, {}, place=tuning.change) for tuning in (self, other)]
         settings = [(tuning.feedback, tuning.displacement_from) for tuning in (self, other)]
         return settings[0] == settings[1] and texts[0] == texts[1]
@@ -89,9 +91,9 @@ class Tuning:
     def check(self, limits: LimitsConfig, reference: Reference | None) -> None:
         """Raise an error when a wire must not be driven with this tuning.
 
-        CertificateError when the certificate of the model does not hold. ConfigError when a centre μ of a branch is not
-        below `temperature_max_c`, or when `reference` leaves the travel of the wire or the displacement limits of the
-        rig, or needs a higher temperature.
+        CertificateError when the certificate of the model does not hold. ConfigError when the centre μ of a branch is
+        not below `temperature_max_c`, or when `reference` leaves the travel of the wire, leaves the displacement limits
+        of the rig, or needs a temperature above `temperature_max_c`.
         """
         certificate = self.model.certificate()
         if not certificate.holds:
@@ -161,7 +163,7 @@ def _changed_rules(model: TSFuzzyDuhem, change: SetRule) -> TSFuzzyDuhem:
 
 
 def _check_rule(change: SetRule, branch: str) -> None:
-    """Raise ModelError when one rule alone breaks the certificate. The error names the number that is wrong, a or b.
+    """Raise ModelError when this rule alone breaks the certificate. The `where` of the error is "a" or "b".
 
     A heating rule needs a < 0 and 0 ≤ b ≤ -a, a cooling rule a > 0 and -a ≤ b ≤ 0.
     """

@@ -19,7 +19,10 @@ class WatchFeed(TickFeed):
         self._publish()
 
     def off_requested(self) -> bool:
-        """Return True if a program has sent `POST /off`. The page itself has no OFF, because nothing heats."""
+        """Return True if a program has sent `POST /off` since the last call.
+
+        The page itself has no OFF button, because nothing heats.
+        """
         return self._channel.off_requested()
 
     def end(self) -> None:

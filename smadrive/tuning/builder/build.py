@@ -1,8 +1,8 @@
-"""Build requests: the model builder process changes a model, checks it and builds its controller.
+"""Build requests: the model builder process changes a tuning, checks it and builds its controller.
 
 A request holds everything that the builder needs, so a new process can replace a builder that died. The builder works
-on one request at a time. The loop spends time only on sending a request of some kilobytes and on unpickling the result
-(see packing.py).
+on one request at a time. The loop spends time only on packing and sending a request of some kilobytes, and on
+unpickling the result (see packing.py).
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from smadrive.wire.wire_properties import WireProperties
 class BuildRequest:
     """The request to apply `change` to `tuning`, and to build a controller that tracks `reference`.
 
-    `change` is None if the tuning stays as it is. `reference` is None while the heater is off. `config` is the rig
-    file, `wire` has the properties of the wire that no change alters.
+    `change` is None if the tuning stays as it is. `reference` is None while the heater is off; then no controller is
+    built. `config` is the rig file. `wire` has the properties of the wire that no change alters.
     """
 
     tuning: Tuning

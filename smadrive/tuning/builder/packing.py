@@ -3,9 +3,9 @@
 A pickle leaves out what the receiver already has:
 
     request    holds a model as the text of its model file, because the tables of a model are long. The builder keeps
-               the last models with their texts
-    result     holds a new model as a whole. An object of the request is replaced by its index in `_shared`, so that the
-               loop gets its own object back
+               the last models, and finds them again by their texts
+    result     holds a new model as a whole. An object that is unchanged since the request is replaced by its index in
+               `_shared`, so that the loop gets its own object back
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ KEPT_MODELS = 16
 
 
 class ModelCache:
-    """The models that were used last, by the texts of their model files.
+    """The latest `KEPT_MODELS` models, each under the text of its model file.
 
-    Parsing a text is slow, because it computes the tables of the model.
+    Parsing a text is slow, because the tables of the model are computed.
     """
 
     def __init__(self) -> None:
@@ -81,8 +81,8 @@ def unpack_request(content: bytes, cache: ModelCache) -> BuildRequest:
 def pack_result(result: BuildResult, request: BuildRequest) -> bytes:
     """Return the result of `request` as bytes.
 
-    A new model is pickled separately, because it would take long to search the request for each
-    number of the model.
+    A new model is pickled separately and first. In the pickle of the result, each object is looked up in the request.
+    This would take long for all the objects of a new model.
     """
     shared = _shared(request)
     models = [result.tuning.model] if isinstance(result, Built) else []

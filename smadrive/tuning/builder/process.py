@@ -1,4 +1,4 @@
-"""The model builder process: it builds the requests of the loop until its standard input ends."""
+"""The model builder process: it answers the build requests of the loop until its standard input ends."""
 
 from __future__ import annotations
 

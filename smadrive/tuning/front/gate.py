@@ -1,7 +1,7 @@
-"""The gate of the tuning page: the check that refuses requests which pages of other web sites cause.
+"""The gate of the tuning page: a check that refuses requests from pages of other web sites.
 
-A browser sends requests to 127.0.0.1 for any page of any site, and a name of such a site may resolve to 127.0.0.1.
-Three headers show where a request comes from, and no script of a page can change these headers:
+A page of any web site can make the browser send requests to 127.0.0.1, and the name of such a site may resolve to
+127.0.0.1. Three headers show where a request comes from, and no script of a page can change these headers:
 
     Host             the name in the address; a foreign name that resolves to this machine is an attack
     Origin           the page that sends the request; every POST and every websocket has this header

@@ -9,7 +9,8 @@ OFF at the next tick, and limits the number of page loads that it passes to the 
     /static     gives the scripts of bokeh
     /, /ws      are passed on to the page process; 503 while MAX_BUILDS pages are being built or MAX_PAGES are open
 
-The control process owns the listening socket. Requests that arrive while the front process is restarted wait there.
+The control process (the driver process that runs the loop) owns the listening socket. Requests that arrive while the
+front process is restarted wait in this socket.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ IDLE_S = 30.0
 
 MAX_HEAD_BYTES = 1 << 14
 MAX_BODY_BYTES = 1 << 10
-"""No request to this process needs a body. A longer body is refused before it is read: parsing it would delay OFF."""
+"""No request needs a body. A body that is longer than this is refused before it is read: parsing would delay OFF."""
 
 BODY_WITHIN_S = 2.0
 """A connection is closed if the body of its request has not arrived after this time."""
@@ -60,7 +61,7 @@ LIMITS = {
 }
 
 STALLED_S = 5.0
-"""A page process without a heartbeat for this time counts as dead. Building a page delays the heartbeat by a second."""
+"""A page process whose last heartbeat is older than this counts as dead. Building a page delays a heartbeat by 1 s."""
 
 REPORT_MS = 100
 FAREWELL_S = 0.5
@@ -81,9 +82,10 @@ class OffHandler(GatedHandler):
 
 
 class States:
-    """Reports the state to all pages, each of which has a websocket for this purpose.
+    """Reports the state to all pages, by one websocket for each page. The state is a JSON object:
 
-    The state is the id of the page process (None if none answers), and how the run has ended (None while it runs).
+    page    process id of the page process; null if none answers
+    end     how the run has ended, see `report`; null while it runs
     """
 
     def __init__(self, channel: PageEnd) -> None:
@@ -117,7 +119,7 @@ class States:
         await asyncio.gather(*self.report())
 
     async def report_end(self) -> None:
-        """Report how the run has ended: "unknown" if the control process died before it published the end."""
+        """Report the published end of the run, or "unknown" if the control process died before it published the end."""
         published = self._channel.status(-1)
         end = published[1]["end"] if published else None
         with suppress(TimeoutError):
@@ -198,7 +200,10 @@ async def serve(parameters: dict[str, Any]) -> None:
 
 
 def bokeh_static() -> Path:
-    """Return the folder of bokeh's scripts. bokeh itself is not imported, because this would take half a second."""
+    """Return the folder of bokeh's scripts. ConfigError when bokeh is not installed.
+
+    bokeh itself is not imported, because the import would take half a second.
+    """
     package = find_spec("bokeh")
     if package is None or package.origin is None:
         raise ConfigError("the tuning page needs bokeh", cure="install it with pip install 'smadrive[tune]'")

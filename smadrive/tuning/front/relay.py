@@ -1,8 +1,8 @@
 """The relay between browsers and the page process. It passes on page loads and the websockets of open pages, as bytes.
 
-The relay composes a new head for a request, from its address and the few fields that bokeh needs, so that nothing else
-of the request reaches the page process. A page load counts among the MAX_BUILDS until the page is built, even if its
-browser has left in the meantime: the page process builds the page all the same.
+The relay composes a new HTTP head for each request, from the path of the request and the few header fields that bokeh
+needs. Nothing else of the request reaches the page process. A page load counts towards MAX_BUILDS until the page is
+built. This also holds if the browser has closed the connection: the page process still builds the page.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class Relay:
 
 
 class PageHandler(GatedHandler):
-    """GET /: a page, built by the page process; 503 while the page process is busy or being started."""
+    """GET /: a page, built by the page process; 503 if `Relay.is_busy`, or if the page process does not reply."""
 
     async def get(self) -> None:
         """Send the request to the page process, and the reply to the browser. Without a reply, send 503."""

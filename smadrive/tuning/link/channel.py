@@ -1,21 +1,21 @@
-"""The connection of the control process, which runs the loop, with the page process and the front process.
+"""The channel: it connects the control process (the driver process that runs the loop), the page and the front process.
 
-No process waits for another one.
+No process waits for another process. The data of the channel, with writer → reader:
 
-    control → page   rows       a ring in shared memory: the page copies the new rows, new rows overwrite the oldest
-    control → page   status     one JSON document in shared memory, which is replaced as a whole
-    front → control  OFF        a counter in shared memory: it needs no queue and no answer, and a counted OFF is not
-                                lost when the front process dies. Only the front process counts, because two writers
-                                could lose a count. A request that drives the wire carries the OFF count that the page
-                                had received when the user clicked (see button_events.py)
-    page → control   pages      the number of open pages, and whether one of them may change the session (the others
-                                only watch)
-    page → front     heartbeat  the id of the page process, and the time at which it last read the channel
-    front → control  heartbeat  a counter that increases while the front process answers
-    both ways        messages   JSON datagrams on a socket pair: each arrives whole or not at all; `send`
-                                returns False if the queue is full
+    control → page         rows       a ring in shared memory: new rows overwrite the oldest
+    control → page, front  status     one JSON document in shared memory, which is replaced as a whole
+    front → control, page  OFF        a counter in shared memory, which needs no queue and no answer. A counted OFF is
+                                      not lost when the front process dies. Only the front process counts, because two
+                                      writers could lose a count. A request that drives the wire carries the OFF count
+                                      that the page had received when the user clicked (see button_events.py)
+    page → control, front  pages      the number of open pages, and whether one of them may change the session (the
+                                      others only watch)
+    page → front           heartbeat  the id of the page process, and the time at which it last read the channel
+    front → control        heartbeat  a counter that increases while the front process answers
+    control ↔ page         messages   JSON datagrams on a socket pair: each arrives whole or not at all; `send` returns
+                                      False if the queue is full
 
-Rows and status are those of stream/shared_memory.py.
+Rows and status have the layout of stream/shared_memory.py.
 See docs/decisions/0001-processes-of-the-tuning-page.md.
 """
 
@@ -60,7 +60,7 @@ class MessageLink:
         messages.setblocking(False)
 
     def send(self, message: dict[str, Any]) -> bool:
-        """Send a message. Return False if the other end is closed, or if its queue is full."""
+        """Send a message. Return False if the other end is closed, its queue is full, or the message is too long."""
         with suppress(OSError):
             return self.messages.send(json.dumps(message).encode()) > 0
         return False
@@ -75,10 +75,10 @@ class MessageLink:
 
 
 class ControlEnd(SharedWriter, MessageLink):
-    """The control process's side of the channel, a context manager.
+    """The end of the channel in the control process, a context manager.
 
     No method waits, and no message of a page makes a method fail. `offs` is the OFF count at the last call of
-    `off_requested`, `published` the latest status.
+    `off_requested`. `published` is the latest status.
     """
 
     layout = CHANNEL

@@ -1,7 +1,8 @@
 """A ZeroMQ socket between two processes, which sends and receives whole messages of any size without waiting.
 
-A thread of ZeroMQ, which does not need the Python interpreter, moves the bytes. The connecting end may start before the
-listening end, and may outlive it: messages wait until a process listens again.
+A thread of ZeroMQ moves the bytes. It runs no Python code, so it works while the interpreter is busy. The connecting
+end may be opened before the listening end, and may stay open after the listening end has closed: messages wait until a
+process listens again.
 See docs/decisions/0001-processes-of-the-tuning-page.md.
 """
 
@@ -14,10 +15,10 @@ import zmq
 
 
 class MessageSocket:
-    """One end of the connection at `address`, which is `ipc://PATH`; one end `listens`. A context manager.
+    """One end of the connection at `address`, which is `ipc://PATH`. A context manager.
 
-    A message is a list of parts. If the receiver unpickles the messages, only the user of the
-    program may have access to the folder of PATH.
+    Of the two ends, one is created with `listens` True, the other with False. A message is a list of parts. If the
+    receiver unpickles messages, no other user may have access to the folder of PATH: unpickling can execute any code.
     """
 
     def __init__(self, address: str, *, listens: bool) -> None:

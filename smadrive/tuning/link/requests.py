@@ -1,4 +1,4 @@
-"""The requests of a page: typed, bounded, and checked in the control process.
+"""The requests of a page. The control process (the driver process that runs the loop) checks their types and ranges.
 
 A request carries a number, which the answer repeats: `{"number": 7, "refused": null}`. If the request is refused,
 `refused` is the reason. A request that drives the wire also carries the OFF count that the page had received when the
@@ -57,7 +57,7 @@ class ClearFaults(PageRequest):
 class Track(DrivingRequest):
     """Track a reference and repeat it without end.
 
-    `reference` is the name of a reference of the session, or a one-line form such as `sine:low_mm=2,high_mm=9`.
+    `reference` is a name in the ReferenceCatalogue, or a one-line form such as `sine:low_mm=2,high_mm=9,period_s=56`.
     """
 
     act: Literal["track"]
@@ -225,7 +225,10 @@ class _NumberedMessage(PageRequest, extra="ignore"):
 
 
 def numbered(message: bytes) -> PageRequest | None:
-    """Return a PageRequest with the number of a malformed request, or None if the request has no number."""
+    """Return a PageRequest with the number of the message, for a refusal. Return None if the message has no number.
+
+    Everything else in the message may be malformed.
+    """
     try:
         return _NumberedMessage.model_validate_json(message)
     except ValidationError:

@@ -1,8 +1,9 @@
-"""The clients of the page process (the open pages): which client controls the session, its requests, their answers.
+"""The clients of the page process: the open pages. The registry decides which client controls the session.
 
-One client controls the session, the others only watch. The first client with the token gets control; the token is part
-of the address that `smadrive tune` prints. When this client leaves, the next client with the token gets control. The
-loop continues without a controlling client, and every client can switch off.
+It also sends the requests of the controlling client, and passes the answers to it. One client controls the session, the
+others only watch. The first client with the token gets control; the token is part of the address that `smadrive tune`
+prints. When this client leaves, the next client with the token gets control. The loop continues without a controlling
+client, and every client can switch off.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ class ClientRegistry:
         return self._controlling == client
 
     def controls(self, client: str) -> bool:
-        """Return True if `client` controls. Every action of a user is checked by this method."""
+        """Return True if `client` controls. This method checks every action of a user, except OFF."""
         return self._controlling == client
 
     def leave(self, client: str) -> None:
@@ -78,7 +79,7 @@ class ClientRegistry:
         self.channel.report_pages(len(self._clients), is_controlled=self._controlling is not None)
 
     def read(self) -> None:
-        """Read a new status into `status`, and pass each new answer to the client that waits for it."""
+        """Store a new status in `status`, and pass each new answer to the function `answered` of its request."""
         news = self.channel.status(self._version)
         if news is not None:
             self._version, self.status = news

@@ -1,4 +1,4 @@
-"""The widgets of the page: knobs, buttons, fields. They only send requests; the control process decides."""
+"""The widgets of the page: knobs, buttons, fields. A widget only passes the action of the user to the page."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
 """Fits a model to the last seconds of the run, for the button Fit of the page.
 
-The fit runs in a process of its own, with the priority of the page process. With a lower priority, a browser that keeps
+The fit runs in a separate process, with the priority of the page process. With a lower priority, a browser that keeps
 every core busy would delay the fit, and the user waits for the fit. A fit to 80 s takes 1 to 3 s of processor time.
 Before the first fit, the start of the process takes another 0.7 s. The fitted model must pass the same checks as any
 other change.
 
 A running reference moves the wire through only a part of its travel, and such a record does not determine the
 displacement of a cold wire. So the record is completed: for temperatures outside the record, samples of the model in
-force are added, far fewer than were measured. The added samples begin at the measured displacement.
+force are added, usually far fewer than were measured. The added samples begin at the measured displacement.
 """
 
 from __future__ import annotations
@@ -32,27 +32,31 @@ MAX_SAMPLES = 12000
 """A fit uses every n-th sample of a record: n is the number of samples divided by this, rounded down, at least 1."""
 
 COMPLETING_SAMPLES = 100
-"""Number of added samples on each of four ways: to the hot end of the travel and back, to the cold end and back."""
+"""Samples on each of four ways: to the hot end of the travel and back, to the cold end and back.
+
+Fewer are added on the way to the cold end (see UNMET).
+"""
 
 UNMET = 0.1
-"""The added samples towards the cold end begin below the coldest sample, by this share of the recorded range.
+"""Share of the recorded temperature range.
 
-Over this distance, an inner branch comes near the outer branch.
+On the way to the cold end, samples are added only at temperatures that are lower than the coldest measured sample by at
+least this share. Over this distance, an inner branch comes near the branch of the major loop.
 """
 
 AT_END = 1e-9
-"""Least distance of the model from an end of the travel, as a share of the measured distance from this end.
+"""If the model begins a way this near to the end of the travel, `_begun_at` does not scale the way.
 
-`_begun_at` does not scale displacements that begin nearer to the end.
+The distance of the model from the end is given as a share of the distance of the measured displacement from the end.
 """
 
 MIN_MOVED = 0.1
-"""Least movement of the wire, as a share of the travel of the model. A smaller movement counts as noise."""
+"""Least movement of the wire for a fit, as a share of the stroke of the model. A smaller one is refused as noise."""
 
 DRIFTED = 0.5
-"""A larger difference between the mean fit errors of the two halves of a record gives a caveat.
+"""Largest difference between the mean fit errors of the two halves of a record without a caveat, % of the output span.
 
-The unit is % of the output span. In a sound record the difference is at most 0.2 %.
+In a sound record the difference is at most 0.2 %.
 """
 
 ARM_AND_START = "arm and start a reference, then fit"
@@ -71,10 +75,10 @@ class Fitter:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def fit(self, rows: Rows, seconds: float, wire: str) -> Future[IdentifiedWire]:
-        """Begin to fit a model to the heated rows of the last `seconds`, and return the future of the fitted wire.
+        """Begin to fit a model to the rows of the last `seconds` in which the wire was heated.
 
-        `wire` is the text of the wire in force; the new model is of the same kind. IdentificationError when the rows do
-        not determine a model.
+        Return the future of the fitted wire. `wire` is the text of the wire in force; the new model is of the same
+        kind. IdentificationError when the rows do not determine a model.
         """
         loop = heated_loop(rows, seconds, wire)
         try:
@@ -92,8 +96,8 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
     """Return the wire temperatures in °C and the displacements in mm of the last `seconds`, each of shape (samples,).
 
     Samples without heating or without a measured displacement, and the warm-up at the beginning, are left out. Long
-    records are thinned out (see MAX_SAMPLES). `wire` is the text of the wire in force. IdentificationError when the
-    samples do not contain a full loop.
+    records are thinned out (see MAX_SAMPLES). `wire` is the text of the wire in force. IdentificationError when no
+    samples remain, when the wire moved too little, or when the samples do not contain a full loop.
     """
     wire_c, reached_mm = (rows[:, COLUMNS.index(name)] for name in ("estimated_c", "displacement_mm"))
     times_s = rows[:, COLUMNS.index("time_s")]
@@ -123,18 +127,19 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
 
 
 def _warmed_up(wire_c: Array) -> int:
-    """Return the number of samples in the warm-up, with which `wire_c` begins.
+    """Return the number of samples of the warm-up at the beginning of `wire_c`.
 
-    The warm-up ends at the first sample that is as warm as the wire was at the end of its largest cooling.
+    The largest cooling is the largest drop below the highest earlier temperature. The warm-up ends at the first sample
+    that is at least as warm as the wire was at the end of the largest cooling.
     """
     coolest_c = wire_c[np.argmax(np.maximum.accumulate(wire_c) - wire_c)]
     return int(np.argmax(wire_c >= coolest_c))
 
 
 def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> None:
-    """Raise IdentificationError unless the measured samples alone contain a loop.
+    """Raise IdentificationError if the wire moved too little, or if the measured samples contain no full loop.
 
-    The samples that `_completing` adds later are not checked, because they always contain a loop.
+    This check comes before `_completing` adds samples, because the added samples always contain a loop.
     """
     cold_mm, hot_mm = travel_mm(model)
     moved_mm = float(np.ptp(reached_mm))
@@ -165,10 +170,10 @@ def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> IdentifiedWire:
 
 
 def _drifts(residual_percent: Array) -> tuple[str, ...]:
-    """Return a tuple of one caveat if the fit errors of the record's two halves differ, otherwise an empty tuple.
+    """Return one caveat if the mean fit errors of the two halves of the record differ, otherwise an empty tuple.
 
-    `residual_percent` is the fit error of each sample in % of the output span. A difference means that the wire or a
-    sensor has changed. Then the model is a mean of both halves.
+    `residual_percent` is the fit error of each sample in % of the output span. If the wire or a sensor changes during
+    the record, the means differ, and the model fits neither half well.
     """
     earlier, later = np.array_split(residual_percent, 2)
     percent = abs(float(np.mean(later)) - float(np.mean(earlier)))
@@ -181,11 +186,12 @@ def _drifts(residual_percent: Array) -> tuple[str, ...]:
 def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tuple[Array, Array]:
     """Return temperatures (°C) outside the record, and the displacements (mm) that `model` expects at them.
 
-    The path leads to the hot end of the travel and back, then to the cold end and back. The ways to both ends begin at
-    the measured displacement, even if `model` expects a different one: a step between record and added samples
-    would contradict the record, and the fit would bend the ends of the travel to reduce the step. `model` goes to
-    the cold end along the branch from the hot end, but the record ends on an inner branch. So the samples towards the
-    cold end begin only where these two branches meet.
+    The path leads to the hot end of the travel and back, then to the cold end and back. The way to each end begins at
+    the measured displacement, even if `model` expects a different displacement. A step between the record and the added
+    samples would contradict the record, and the fit would bend the ends of the travel to reduce the step.
+
+    `model` goes to the cold end along the cooling branch of the major loop, but the record lies on an inner branch. So
+    no sample is added where these two branches still differ (see UNMET).
     """
     cold_c, hot_c = model.input_range
     hottest, coldest = int(np.argmax(wire_c)), int(np.argmin(wire_c))
@@ -200,7 +206,10 @@ def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tup
 
 
 def _begun_at(start_mm: float, way_mm: Array) -> Array:
-    """Return the displacements `way_mm` to an end of the travel, scaled to begin at `start_mm` and to end as before."""
+    """Scale the displacements `way_mm`, so that they begin at `start_mm` and still end at the end of the travel.
+
+    Return the scaled displacements, or `way_mm` itself if the scaling is impossible (see AT_END).
+    """
     end_mm, left_mm = way_mm[-1], way_mm - way_mm[-1]
     if abs(left_mm[0]) <= AT_END * max(abs(start_mm - end_mm), AT_END):
         return way_mm

@@ -1,6 +1,6 @@
-"""One number on the page, with a slider for coarse values and a field for exact values.
+"""A knob: one number on the page, with a slider for coarse values and a field for exact values.
 
-A knob shows the value in force. For `HANDS_OFF_S` after the user has moved the knob, it keeps the user's value, so that
+A knob shows the value in force. After the user has moved it, the knob keeps the user's value for `HANDS_OFF_S`, so that
 the slider does not jump back while the user drags it. After a refusal the knob shows the value in force at once.
 """
 
@@ -53,7 +53,7 @@ class Knob:
         self.row = Row(self._slider, self._field, sizing_mode="stretch_width", name=name)
 
     def bound(self, low: float, high: float) -> None:
-        """Set the ends of the slider. The field takes other values, too, which the control process may refuse."""
+        """Set the ends of the slider. The field also accepts values beyond the ends; the session may refuse them."""
         self._slider.update(start=low, end=high)
 
     def show(self, value: float, *, now: bool = False) -> None:

@@ -1,6 +1,7 @@
 """The page of one client: it shows what the control process publishes, and sends the requests of the user.
 
-Every `FRAME_MS` the page draws the content of the channel, so all pages show the same, also those opened later.
+The control process is the driver process that runs the loop. Every `FRAME_MS` the page draws the content of the
+channel. So all pages show the same, also pages that were opened later.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ from smadrive.tuning.page.view.time_view import TimeView
 from smadrive.wire.identified_wire import IdentifiedWire
 
 STATE_FRAMES = 2
-"""The hysteresis plane and the texts change slowly, so they are drawn only once in this number of frames."""
+"""The hysteresis plane, the texts and the widgets change slowly: they are drawn once in this number of frames."""
 
 _SPREAD = {"mu_heating": 15.0, "mu_cooling": 15.0}
-"""Range of these sliders, in °C to either side of the first value.
+"""Range of these sliders, in °C to either side of the first value: the value in force when the page was opened.
 
-The slider of the feedforward share ranges from 0 to 1.5, the others from a third of the first value to three times the
-first value.
+The slider of the feedforward share ranges from 0 to 1.5. All other sliders range from a third of the first value to
+three times the first value.
 """
 
 
@@ -151,9 +152,9 @@ class Page:
         self._clients.ask(self._client, act, partial(self._answered, act), **values)
 
     def _answered(self, act: str, refused: str | None) -> None:
-        """Show a refusal in the note of this page, and the values in force on the widgets.
+        """Clear the note of this page if the action `act` was done. If it was refused, schedule `_show_refusal`.
 
-        This method is called outside of the document's own callbacks, so it only schedules the drawing.
+        Answers arrive outside of the document's own callbacks, and only these callbacks may change the document.
         """
         if refused:
             self._doc.add_next_tick_callback(partial(self._show_refusal, f"{act}: {refused}"))
@@ -161,9 +162,10 @@ class Page:
             self._note = ""
 
     def _show_refusal(self, note: str) -> None:
-        """Show `note` and the values in force.
+        """Show `note` in the banner, and the values in force on the widgets.
 
-        The OFF count goes to the browser before the note: when the user reads "press again", the next click is valid.
+        The OFF count is sent to the browser before the note. So when the user reads "press again" in the note, the next
+        click carries the present count.
         """
         self._controls.events.resend_offs(self._clients.channel.offs)
         self._note = note
@@ -172,7 +174,7 @@ class Page:
         self._show_knobs(self._clients.status["tuning"], now=True)
 
     def _fit(self, seconds: float) -> None:
-        """Fit a model to the last `seconds` in the process of the fitter. Then send the fitted model as a request."""
+        """Begin to fit a model to the last `seconds`. When it is fitted, `_fitted` sends the model as a request."""
         (_, rows), wire = self._clients.channel.since(0), self._clients.status["tuning"]["wire"]
         try:
             fitting = self._fitter.fit(rows, seconds, wire)

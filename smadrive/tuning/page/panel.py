@@ -15,7 +15,10 @@ from smadrive.stream.samples import COLUMNS, Rows
 TIMED_ROWS = 1200
 SHOWN_EVENTS = 8
 COOLING_SHOWN, SHIFT_SHOWN_C = 0.15, 2.0
-"""Smaller disturbances are not shown: the heat balance and the model of a calm wire have such errors, too."""
+"""Least deviation of the cooling factor from 1, and least shift of the transformation in K, that are shown.
+
+Errors of the heat balance and of the model cause smaller deviations even without a disturbance.
+"""
 
 SENSOR_REPLACED = (
     "warning: the displacement sensor has failed, and the resistance of the wire replaces it; "
@@ -27,7 +30,10 @@ _MODES = {"off": "off", "holding": "on", "tracking": "on", "off, unconfirmed": "
 
 
 class LoopTiming:
-    """Lateness of the last `TIMED_ROWS` ticks, and the number of missed ticks since the page was opened."""
+    """Lateness of the last `TIMED_ROWS` ticks, and the number of missed ticks among all ticks that were added.
+
+    A tick is missed if it starts later than `LATE_FRACTION` of the period after its deadline.
+    """
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -49,9 +55,11 @@ class LoopTiming:
 
 
 def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: bool) -> str:
-    """Return the header line of the tuning page as HTML: heater, active limits, model, displacement, loop, control.
+    """Return the header line of the tuning page as HTML: a row of chips, each with a name and a text.
 
-    `timing` is the text of the loop timing. `late` marks it as a warning. `controls` says that this page has control.
+    The chips are heater, active limits, model, full memory, displacement source, disturbances, loop, and control.
+    `timing` is the text of the loop timing. If `late` is True, the text is marked as a warning. `controls` is True if
+    this page has control.
     """
     mode, limits = status["mode"], status["limited_by"]
     tuning = status["tuning"]
@@ -72,7 +80,10 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
 
 
 def _source_chips(chosen: str, in_force: str | None) -> list[str]:
-    """Return the chip of the displacement's source in force; no chip without one, while the heater is off."""
+    """Return a list with the chip of the displacement source in force. The list is empty if no source is in force.
+
+    No source is in force while the heater is off.
+    """
     if in_force is None:
         return []
     if in_force == chosen:
@@ -82,7 +93,7 @@ def _source_chips(chosen: str, in_force: str | None) -> list[str]:
 
 
 def _disturbance_chips(cooling: float | None, shift_c: float | None) -> list[str]:
-    """Return the chips of the disturbances that the observer finds, and that are larger than their usual errors."""
+    """Return the chips of the disturbances that the observer estimates, and that are large enough to be shown."""
     chips = []
     if cooling is not None and abs(cooling - 1.0) >= COOLING_SHOWN:
         chips.append(_chip("cooling", f"{cooling:.1f} × identified", "warn"))
@@ -98,7 +109,7 @@ def _dropped_chip(memory: dict[str, Any]) -> str:
 def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:
     """Return the header line of the page of `smadrive watch` as HTML: heater off, devices, timing of the measurements.
 
-    `timing` is the text of the timing. `late` marks it as a warning.
+    `timing` is the text of the timing. If `late` is True, the text is marked as a warning.
     """
     devices = "; ".join(f"{name}: {identity}" for name, identity in status["devices"].items())
     return "".join(
@@ -124,9 +135,11 @@ def watch_banner_html(status: dict[str, Any]) -> str:
 
 
 def banner_html(status: dict[str, Any], note: str) -> str:
-    """Return faults, a lost device, warnings about the model, and `note` as HTML; an empty text if there are none.
+    """Return the banner of the tuning page as HTML, one line each; an empty text if there is nothing to show.
 
-    `note` is a text about the last action of this page, for example the reason for a refusal.
+    The lines are a heater that is not confirmed off, the fault, a lost device, latched device faults, a thermocouple
+    fault, caveats of the model, a replaced displacement sensor, drift of the wire, and `note`. `note` is a text about
+    the last action of this page, for example the reason for a refusal.
     """
     lines = []
     if status["mode"] == "off, unconfirmed":

@@ -1,8 +1,8 @@
 """The page process: it builds the pages and serves their data. Only the front process connects to it.
 
 The loop never waits for the page process. Nothing is loaded from the network: all scripts and styles come from the
-installed packages. The process listens on a Unix socket in a private folder of the user, so only requests that have
-passed the gate reach it.
+installed packages. The process listens on a Unix socket in a private folder of the user. So only requests that have
+passed the gate of the front process (front/gate.py) reach this process.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from smadrive.tuning.page.view.watch_page import WatchPage
 
 READ_MS = 50
 UNUSED_MS = 1000
-"""A client counts as gone when its socket has been closed for this time."""
+"""A client counts as gone when its websocket has been closed for this time."""
 
 
 def serve(parameters: dict[str, Any]) -> None:

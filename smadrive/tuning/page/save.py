@@ -20,8 +20,9 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
 def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any]) -> tuple[Path, Path]:
     """Write the tuning in force to NAME.json (model) and NAME.toml (rig) in `folder`, and return the two paths.
 
-    `status` is the published status, which holds the tuning. ConfigError when the name is invalid or exists already, or
-    when the rig file cannot be read. DataError when a file cannot be written; then neither file is left.
+    `status` is the published status, which holds the tuning. ConfigError when the name is invalid, when one of the new
+    files exists already, or when the rig file cannot be loaded. DataError when a file cannot be written; then neither
+    of the new files is left.
     """
     if not name:
         raise ConfigError("the new files have no name", cure="type a name into the field beside Save")
@@ -53,9 +54,9 @@ def _model_text(wire: str, metadata: dict[str, Any]) -> str:
 
 
 def _rig_text(rig_file: Path, model_file: Path, tuning: dict[str, Any], source: str) -> str:
-    """Return the text of the rig file, including comments, with the new model, feedback and displacement source.
+    """Return the text of the old rig file, including comments, with the new model, feedback and displacement source.
 
-    The new rig file names the same wire file and device profiles as the old one, whatever folder it is in.
+    Paths of the wire and of the device profiles are adapted to the folder of the new rig file.
     """
     try:
         before = load_rig(str(rig_file))

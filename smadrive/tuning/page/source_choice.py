@@ -1,7 +1,7 @@
-"""The choice of the displacement's source on the page: one button for each source, the one in force is pressed.
+"""The choice of the displacement source on the page: one button for each source.
 
-For `HANDS_OFF_S` after a click the pressed button stays, because the change takes a moment to be built. After a refusal
-the source in force is shown at once.
+The button of the source in force is shown as pressed. After a click, the clicked button stays pressed for
+`HANDS_OFF_S`, because it takes a moment to build the change. After a refusal the source in force is shown at once.
 """
 
 from __future__ import annotations

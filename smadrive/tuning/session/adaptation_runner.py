@@ -2,17 +2,19 @@
 
 Every `PUBLISH_S` seconds the adapted rules are put in force. The adaptation needs the wire temperature. This
 temperature is estimated without the displacement: an observer that also used the displacement would explain a wrong
-model by a wrong temperature. The estimate begins at the first tick of the session. An estimate that began while the
-wire heats up would start from a thermocouple that lags 15 K behind, and would falsify the rules until the estimate had
-converged.
+model by a wrong temperature. The estimate begins at the first tick of the session, before the session heats the wire.
+While the wire heats up, the thermocouple lags 15 K behind. An estimate that began at that time would make the rules
+wrong until the estimate had converged.
 
-After another change, the adaptation restarts from the model in force. Undo takes back the whole adaptation. Undo and
-redo end the adaptation. When the displacement sensor turns out to be faulty, rules that were learnt from the fault are
-already in force. Then the rules from before the fault are put in force again, and the adaptation ends.
+After a change by the user, the adaptation restarts from the model in force. Undo and redo end the adaptation, and one
+undo takes back all changes of the adaptation. A faulty displacement sensor is detected only after some samples, when
+rules that were learnt from the fault may be in force. Then the rules from before the fault are put in force again, and
+the adaptation ends.
 
 The displacement must come from a sensor. The displacement by the resistance follows from the estimated temperature, so
-its errors would become errors of the rules. The adaptation pauses while the resistance replaces a sensor that shows
-nothing, and ends when the sensor has failed, or when the user chooses another source.
+an error of this temperature would become an error of the rules. While a sensor gives no reading, the resistance
+replaces it, and the adaptation pauses. The adaptation ends when the sensor has failed, or when the user chooses another
+source.
 """
 
 from __future__ import annotations
@@ -62,8 +64,8 @@ class AdaptationRunner:
     def switch(self, on: bool, tuning: Tuning) -> None:
         """Switch the adaptation on or off. When it is switched on, it begins with the rules of `tuning`.
 
-        ConfigError for a model without rules, for a displacement that does not come from a sensor, and while rules of
-        an ended adaptation wait to be put in force.
+        ConfigError while the rules of an ended adaptation wait to be put in force. When it is switched on, ConfigError
+        also for a model without rules, and for a displacement that does not come from a sensor.
         """
         if self._ended is not None:
             raise ConfigError(
@@ -87,9 +89,10 @@ class AdaptationRunner:
         return WireObserver(wire, self._period_s, self._noise_c, abs(tuning.model.scale))
 
     def update(self, tick: Tick, tuning: Tuning, source: SourceState | None = None, *, is_heating: bool) -> str | None:
-        """Adapt the rules to a tick while the heater is on. Return the event to report if the adaptation has ended.
+        """Estimate the wire temperature in each tick. While adaptation and heater are on, adapt the rules to the tick.
 
-        Otherwise return None. `source` is the state of the controller's displacement source.
+        Return the event to report if the adaptation ends in this tick, otherwise None. `source` is the state of the
+        controller's displacement source.
         """
         wire_c = self._wire_c(tick.measurement)
         if self._adaptation is None or not is_heating:
@@ -136,5 +139,5 @@ class AdaptationRunner:
         return self._adaptation
 
     def taken(self) -> None:
-        """Note that the change queue has accepted the rules: those of an ended adaptation are not offered again."""
+        """Note that the change queue has accepted the rules. Then `due` does not return an ended adaptation again."""
         self._ended = None

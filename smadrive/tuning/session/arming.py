@@ -1,4 +1,4 @@
-"""The request to arm, which waits until no change is queued or being built, and then gets one answer."""
+"""The request to arm. It waits until no change is queued or being built. It is answered once: heater on, or refused."""
 
 from __future__ import annotations
 

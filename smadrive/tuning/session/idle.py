@@ -1,7 +1,7 @@
 """Measures the wire while no loop runs and the current is zero.
 
-After `make_safe`, the safe state is written every `RETRY_S` until it is confirmed. `Status.is_safe` becomes False only
-when an attempt to enter the safe state has failed.
+After `make_safe`, the safe state is written every `RETRY_S` until it is confirmed. `make_safe` does not change
+`Status.is_safe`; a failed attempt to enter the safe state sets it to False, a confirmed one to True.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ RETRY_S = 1.0
 
 
 class Idle:
-    """Measures with `rig`, and reports lost devices and the safe state to `status`."""
+    """Measures with `rig`, and stores the error of a lost device and the result of a shutdown in `status`."""
 
     def __init__(self, rig: Rig, status: Status) -> None:
         self._rig = rig
@@ -30,7 +30,10 @@ class Idle:
         self._due_s = -inf
 
     def sample(self, now_s: float) -> Measurement | None:
-        """Return one measurement at zero current; None if a device is silent or the safe state is not confirmed."""
+        """Return one measurement at zero current; None if a device does not answer or the safe state is not confirmed.
+
+        After `make_safe`, first enter the safe state.
+        """
         try:
             if now_s > self._due_s:
                 self._enter_safe_state(now_s)

@@ -1,13 +1,14 @@
 """The modes of a tuning session, and the table of the requests that each mode refuses.
 
-    mode        heater   ends by
+    mode        heater   next modes
     IDLE        off      Arm → ARMING
-    TRIPPED     off      as IDLE; a fault is open until it is cleared, or until the next run of the loop
-    ARMING      off      first tick of the loop → HOLDING; OFF, or a change that takes too long → IDLE
+    TRIPPED     off      Arm → ARMING; Clear faults → IDLE
+    ARMING      off      start of the loop → HOLDING; OFF, or a change that takes too long → the mode before Arm; a
+                         fault → TRIPPED
     HOLDING     on       Track → TRACKING; OFF → IDLE; a fault, or a silent front process → TRIPPED
-    TRACKING    on       Hold → HOLDING; Compare → COMPARING; OFF and faults as HOLDING
-    COMPARING   on       Compare off → TRACKING; OFF and faults as HOLDING
-    ENDED       off      the session was interrupted
+    TRACKING    on       Hold → HOLDING; Compare → COMPARING; OFF and faults as for HOLDING
+    COMPARING   on       end of the comparison → TRACKING; OFF and faults as for HOLDING
+    ENDED       off      none: the session has ended
 
 When a stop is requested, the mode stays the same until the loop ends. The loop ends before its next exchange with the
 heater.

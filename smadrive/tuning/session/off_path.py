@@ -10,12 +10,12 @@ from smadrive.tuning.link.channel import ControlEnd
 SILENT_S = 2.0
 """A front process counts as silent if its last heartbeat is older than this.
 
-Normally, a front process that died is restarted within this time; a frozen one is killed after 1 s.
+Normally, a front process that died is restarted within this time. A frozen front process is killed after 1 s.
 """
 
 
 class OffPath:
-    """Watches the heartbeats of the front process, which counts as silent before its first heartbeat."""
+    """Watches the heartbeats of the front process. Until the first new heartbeat, the process counts as silent."""
 
     def __init__(self, channel: ControlEnd) -> None:
         self._channel = channel
@@ -23,14 +23,14 @@ class OffPath:
         self._beat_s = -inf
 
     def is_silent(self, now_s: float) -> bool:
-        """Return True if no heartbeat came for more than `SILENT_S`."""
+        """Return True if no heartbeat came for more than `SILENT_S`. Call this at every tick, with the present time."""
         if self._channel.front_beats != self._beats:
             self._beats, self._beat_s = self._channel.front_beats, now_s
         return now_s - self._beat_s > SILENT_S
 
 
 def front_silent() -> FrontSilentError:
-    """Return the error with which the session switches off, or refuses to arm, if the front process is silent."""
+    """Return the error for a silent front process. It ends the run of the loop, or refuses a request to arm."""
     return FrontSilentError(
         "the front process of the page does not answer",
         where="OFF of the tuning page",

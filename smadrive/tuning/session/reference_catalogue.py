@@ -1,8 +1,8 @@
 """The references that a page can start: by name, or by a one-line form such as `sine:low_mm=2,high_mm=9,period_s=56`.
 
-The table of a reference is computed between two ticks, so its length is limited. For a reference of `LONGEST_S`, the
-computation takes half a period at 20 Hz. On the page a reference repeats by itself; `smadrive run` tracks longer
-references.
+The table of a reference is computed between two ticks, so its duration is limited to `LONGEST_S`. At this duration, the
+computation takes half a period of a loop at 20 Hz. A reference of the page is repeated without end. `smadrive run` can
+track a longer reference.
 """
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ If a reference ends at another displacement than it begins, the way back to its 
 
 
 class ReferenceCatalogue:
-    """The references of a session by their names. ConfigError for a reference that is longer than `LONGEST_S`."""
+    """The references of a session by their names.
+
+    ConfigError for a reference that is longer than `LONGEST_S`, too short, or has too many samples.
+    """
 
     def __init__(self, references: Mapping[str, Reference]) -> None:
         for name, reference in references.items():
@@ -49,10 +52,11 @@ class ReferenceCatalogue:
         return list(self._references)
 
     def path(self, name: str | None, tuning: Tuning, from_mm: float) -> Reference:
-        """Return a reference by its name or one-line form. It begins with a move from the present setpoint `from_mm`.
+        """Return a reference by its name or one-line form, repeated without end.
 
-        If `name` is None, the reference stays at `from_mm`. ConfigError or DataError when `name` is neither a known
-        name nor a one-line form, or when the reference leaves the travel of the wire.
+        It begins with a move from the present setpoint `from_mm`. If `name` is None, the reference stays at `from_mm`.
+        ConfigError or DataError when `name` is neither a known name nor a one-line form, or when the reference is too
+        long, or leaves the travel of the wire of `tuning`.
         """
         if name is None:
             return constant_reference(from_mm)

@@ -57,7 +57,7 @@ class RequestHandler:
             self._stop_without_front()
 
     def receive(self, message: bytes) -> None:
-        """Do, queue or refuse the request in `message`. An OFF that has been counted by now is done before it."""
+        """Do, queue or refuse the request in `message`. An OFF that was counted before this call is done first."""
         self.check_off()
         try:
             self._do(parse_request(message))
@@ -112,9 +112,11 @@ class RequestHandler:
             self._state.report(f"warning: {warning}")
 
     def _leads_seen_c(self) -> float:
-        """Return the temperature of the wire, °C; that of a cold wire if its leads are known or can be measured later.
+        """Return the wire temperature, °C, for the check whether the resistance of the leads is known.
 
-        A sensor in force has measured the leads. With the heater off, arming checks the temperature again.
+        The leads are measured on the cold wire at the start of a run, or with a displacement sensor during a run. So
+        return the ambient temperature while a sensor is the source, else the measured temperature. While the heater is
+        off, also return the ambient temperature: the check is repeated when the user arms.
         """
         live, measured = self._state.live, self._state.status.measurement
         by_sensor = live is None or live.source is None or live.source.source is DisplacementFrom.SENSOR
@@ -134,7 +136,7 @@ class RequestHandler:
             self._state.stop_requested = True
 
     def _stop_without_front(self) -> None:
-        """Stop the loop, because nothing may heat while OFF on the page has no effect."""
+        """Refuse a waiting request to arm, and stop the loop: nothing may heat while OFF on the page has no effect."""
         error = front_silent()
         self._arming.settle(str(error))
         if self._state.live is not None and not self._state.stop_requested:

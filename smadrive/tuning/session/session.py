@@ -1,8 +1,8 @@
 """The tuning session: it measures or controls the wire, and handles the requests of the page at every tick.
 
-When the session is idle, the heater is off and the wire is measured. When it is armed, one run of the control loop
-lasts until OFF or until a fault; the controller may be replaced between two ticks. The loop checks OFF before every
-exchange. The builder process builds and checks models. The loop never waits for the page or the builder
+When the session is idle, the heater is off and the wire is measured. A request to arm starts one run of the control
+loop, which lasts until OFF or until a fault. The controller may be replaced between two ticks. The loop checks OFF
+before every exchange. The builder process builds and checks models. The loop never waits for the page or the builder
 (see channel.py).
 """
 
@@ -96,7 +96,7 @@ class TuningSession:
         self._publish()
 
     def run(self) -> None:
-        """Run until the process is interrupted. No request of a page ends the session."""
+        """Run until the process is interrupted. DataError if the log cannot be written. No request ends the session."""
         try:
             while True:
                 self._wait()
@@ -157,7 +157,10 @@ class TuningSession:
             self._change_queue.cancel()
 
     def _hold(self, measurement: Measurement) -> SwappableController:
-        """Return a controller that holds the wire at its displacement. SafetyError when the temperature is unknown."""
+        """Return a controller that holds the wire at its displacement. SafetyError when the temperature is unknown.
+
+        ConfigError when the source of the displacement is impossible.
+        """
         check_thermocouple(measurement)
         tuning = self.tunings.in_force
         wire, source = self._wire.wire_model(tuning.model), tuning.displacement_from
@@ -181,7 +184,7 @@ class TuningSession:
         self._rig.drive(live, self._wire.balance, self._take, tuning.model, self._stop_requested, self._expected)
 
     def _fail(self, error: SmadriveError) -> None:
-        """Report the fault. The rig stays connected, so that the user sees the effect of the remedy."""
+        """Report `error` as the fault. The rig stays connected, so the page shows whether the fault is removed."""
         self._status.fail(self._state.now_s, error)
         if not self._status.is_safe:
             self._idle.make_safe()
@@ -213,7 +216,7 @@ class TuningSession:
             self._adaptation.taken()
 
     def _serve(self) -> None:
-        """Handle OFF, the requests of the page and the results of the builder. Publish the status every `STATUS_S`."""
+        """Handle OFF, requests of the page and results of the builder. Publish the status if `STATUS_S` has passed."""
         self._is_served = True
         if self._state.live is not None and self._arming.is_waiting:
             self._state.report("armed, holding")
@@ -234,9 +237,10 @@ class TuningSession:
         self._state.publish(adapts=self._adaptation.is_on)
 
     def _stop_requested(self) -> bool:
-        """Return True if the loop must end.
+        """Return True if the loop must end. The loop calls this before each tick.
 
-        If the last tick had no measurement, its requests of the page were not handled yet, so handle them first.
+        Normally the controller calls `_serve` in each tick. A tick without a measurement skips the controller: then
+        call `_serve` here.
         """
         if not self._is_served:
             self._serve()

@@ -1,8 +1,7 @@
 """The log of a session: the ticks, the events, the modes, and the model of every tuning that was put in force.
 
-The handling of OFF and of other requests writes nothing to the file: events wait in memory until `tick` or
-`write_events` writes them. Only these two methods raise an error when the log cannot be written. Such an error ends the
-session as it ends a run.
+OFF and other requests write nothing to the file: their events wait in memory until `tick` or `write_events` writes
+them. Only these two methods raise an error when the log cannot be written. This error ends the session.
 """
 
 from __future__ import annotations
@@ -35,12 +34,12 @@ class SessionLog:
         self.failure: DataError | None = None
 
     def event(self, time_s: float, text: str) -> None:
-        """Add an event, which the next tick writes."""
+        """Add an event, which the next `tick` or `write_events` writes."""
         if self._recorder is not None and self.failure is None:
             self._events.append((time_s, text))
 
     def note(self, time_s: float, mode: Mode, tuning: Tuning) -> None:
-        """Add an event if the mode or the tuning in force has changed since the last call."""
+        """Add an event for each of mode and tuning in force that has changed since the last call."""
         if mode is not self._mode:
             self._mode = mode
             self.event(time_s, mode_event(mode.value))

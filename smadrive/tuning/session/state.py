@@ -19,9 +19,12 @@ from smadrive.tuning.session.status import Status
 class SessionState:
     """The shared state of a session.
 
-    `began_s` is the time of the clock at the start. `live` is the controller while the control loop runs, otherwise
-    None. `arm_request` is the request to arm that waits, or None. `stop_requested` ends the loop before its next
-    exchange. `is_sensor_replaced` is True while the resistance replaces a displacement sensor that has failed.
+    began_s               time of the clock at the start, s
+    live                  controller while the control loop runs, otherwise None
+    arm_request           request to arm that waits, or None
+    arm_requested_s       time since the session began at which this request arrived, s
+    stop_requested        if True, the loop ends before its next exchange
+    is_sensor_replaced    True while the resistance replaces a displacement sensor without a valid reading
     """
 
     rig: Rig
@@ -61,7 +64,7 @@ class SessionState:
         self.status.add_event(self.now_s, event)
 
     def note_source(self) -> None:
-        """Report when the resistance replaces a displacement sensor that has failed, or gives way to it again."""
+        """Add an event if the resistance begins to replace the displacement sensor, or if the sensor is used again."""
         source = None if self.live is None else self.live.source
         was_replaced, self.is_sensor_replaced = self.is_sensor_replaced, source is not None and source.is_replaced
         if self.is_sensor_replaced and not was_replaced:

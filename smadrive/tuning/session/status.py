@@ -28,19 +28,21 @@ STATUS_S = 0.1
 MAX_EVENTS = 40
 
 MAX_EVENT_LENGTH = 400
-"""Largest length of an event in characters. All events together must fit in the status."""
+"""Largest length of an event in characters. The status must not exceed the `STATUS_BYTES` of the shared memory."""
 
 _HEATER = {Mode.HOLDING: "holding", Mode.TRACKING: "tracking", Mode.COMPARING: "tracking"}
-"""The `mode` that is published in each mode in which the heater is on."""
+"""The `mode` in the status, for each session mode in which the heater is on."""
 
 
 class Status:
     """Collects events, the fault that is not cleared yet, a lost connection and the last measurement.
 
-    `is_safe` becomes False when an attempt to switch the heater off fails, and True again when an attempt succeeds.
-    `wire_warning` says how far the wire has drifted; None for a wire as identified.
-    `end` is None until the session ends. Then it is "off" if the devices have confirmed the safe state, otherwise
-    "unconfirmed".
+    fault           text of the fault that ended the last run of the loop; None without one, or if it was cleared
+    lost            error of a device that does not answer; None if all answer
+    wire_warning    says how far the wire has drifted; None for a wire without drift
+    is_safe         False after an attempt to switch the heater off has failed, until an attempt succeeds
+    end             None until the session ends; then "off" if the devices have confirmed the safe state, otherwise
+                    "unconfirmed"
     """
 
     def __init__(self, rig: Rig, references: list[str], wire: WireProperties, log: SessionLog) -> None:
@@ -71,7 +73,7 @@ class Status:
         self.fault = self.fault_type = self.fault_s = None
 
     def fail(self, time_s: float, error: BaseException) -> None:
-        """Store `error` with its notes as the fault. `is_safe` becomes False if its shutdown failed, otherwise True."""
+        """Store `error` with its notes as the fault. `is_safe` becomes True, or False if the shutdown failed."""
         outcome = shutdown_of(error)
         self.is_safe = outcome is None or outcome.confirmed
         text = error.what if isinstance(error, TripError) else str(error)  # the page has a button that clears the trip

@@ -1,5 +1,5 @@
-"""The plots of the page, the samples of the whole session, and the window of time that a page looks at.
+"""The plots of a page, the samples of the whole session, and the window of time that a page shows.
 
-It may import what the page may import, except the page itself. It sends no request: looking back changes nothing in the
-run.
+This package may import what page/ may import, except page.py. It sends no request, so a look at earlier samples does
+not affect the run.
 """

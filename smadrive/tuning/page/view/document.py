@@ -18,7 +18,7 @@ FRAME_MS = 300
 
 
 def fill(doc: Document, roots: Iterable[Any], numbers: LiveNumbers, rig: str, *, controls: bool) -> None:
-    """Add the roots, the numbers and the template to a document; `rig` is the name in its title.
+    """Add the roots, the numbers and the template to a document. `rig` is the name of the rig, for the title.
 
     If `controls` is True, the document is the tuning page, otherwise the page of `smadrive watch`.
     """

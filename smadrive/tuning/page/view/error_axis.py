@@ -1,7 +1,7 @@
-"""The axis of the tracking error follows the errors that are visible.
+"""The axis of the tracking error follows the errors in the shown window of time.
 
-It always contains zero, and its span is never shorter than `LEAST_PERCENT`, so that noise alone does not fill the plot.
-It grows at once and shrinks late, so that it seldom changes.
+The axis always contains zero, and is never shorter than `LEAST_PERCENT`, so that noise alone does not fill the plot.
+The axis grows at once, but shrinks only when it is much too long (see SHRINKS), so that it seldom changes.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ LEAST_PERCENT = 2.0
 """Shortest span of the axis, in percent of the stroke. The noise of a displacement sensor spans about 0.6 %."""
 
 MARGIN = 0.05
-"""Free share of the span at either end."""
+"""Margin at either end of the axis, as a share of the span of the errors."""
 
 SHRINKS = 1.6
-"""The axis shrinks when its span is more than this many times the span that the visible errors need."""
+"""The axis shrinks when it is more than this many times as long as the shown errors need."""
 
 STEPS = 10
-"""The ends of the axis are multiples of a round number. This number is at least the span divided by `STEPS`."""
+"""The ends of the axis are multiples of a round step. This step is at least the length of the axis / `STEPS`."""
 
 Ends = tuple[float, float]
 
 
 def error_axis(errors: NDArray[np.float64], present: Ends) -> Ends:
-    """Return the low and the high end of the axis for the visible errors, in percent. `present` are its present ends.
+    """Return the low and the high end of the axis, in percent, for the shown `errors`, in percent.
 
-    Errors that are not finite are left out.
+    `present` are the present ends of the axis. Errors that are not finite are left out.
     """
     finite = errors[np.isfinite(errors)]
     low, high = min(0.0, float(finite.min(initial=0.0))), max(0.0, float(finite.max(initial=0.0)))

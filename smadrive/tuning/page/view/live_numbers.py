@@ -1,7 +1,8 @@
 """The large numbers of a page: temperature, displacement, current, and tracking error or voltage of the newest sample.
 
-Each number has a state: `measured`, `estimated` or `commanded`; without a value the state says why. The browser only
-writes these texts into the page, so that new numbers need no new layout (see page.html).
+Each number has a state: `measured`, `estimated` or `commanded`. If a number has no value, the state says why:
+`unknown`, `no setpoint` or `no sample`. A script of page.html writes the texts of the numbers into fixed fields, so the
+browser need not compute a new layout.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from bokeh.models import CustomJS
 from smadrive.stream.samples import COLUMNS, Rows
 
 OLD_S = 1.5
-"""A number is not shown if no sample has arrived for this time, or for `OLD_PERIODS` of the loop if that is longer."""
+"""Numbers are hidden if no sample has arrived for this time, or for `OLD_PERIODS` periods if these are longer."""
 
 OLD_PERIODS = 4.0
 
@@ -31,7 +32,7 @@ _COLUMN = {name: number for number, name in enumerate(COLUMNS)}
 
 
 class LiveNumber(NamedTuple):
-    """The texts of one number: the value, its state, and a note of two lines."""
+    """The texts of one number: the value, its state, and a note, which is empty or has two lines."""
 
     value: str
     state: str
@@ -45,7 +46,7 @@ class NumberTexts(DataModel):  # type: ignore[misc]  # bokeh has no type for it
 
 
 class LiveNumbers:
-    """Shows the newest sample as long as it is new. `model` is the root that the document needs.
+    """Shows the numbers of the newest sample until it is too old. `model` is the root that the document needs.
 
     `numbers_of_row` returns the four numbers that the page shows for one row of samples.
     """
@@ -65,7 +66,7 @@ class LiveNumbers:
         self._newest_s = float("-inf")
 
     def update(self, rows: Rows) -> None:
-        """Show the last of the new rows. Without a new row for some time, show no value."""
+        """Show the last of the new `rows`. If no row has arrived for too long (see OLD_S), show no value."""
         now_s = self._clock_s()
         if rows.size:
             self._newest_s = now_s
@@ -95,9 +96,10 @@ def _measured(row: Rows, name: str, decimals: int) -> LiveNumber:
 
 
 def tracking_numbers(row: Rows, stroke_mm: float) -> tuple[LiveNumber, ...]:
-    """Return temperature, displacement, current and tracking error of the row.
+    """Return temperature, displacement, current and tracking error of the row, for a wire with the given stroke.
 
-    If a quantity is not measured, its number is the estimate of the model, or the commanded current.
+    A missing measurement of temperature or displacement is replaced by the estimate of the model, a missing
+    measurement of the current by the commanded current.
     """
     values = {name: float(row[number]) for name, number in _COLUMN.items()}
     setpoint_mm = values["setpoint_mm"]

@@ -31,7 +31,7 @@ class LiveSamples:
 
     @property
     def is_late(self) -> bool:
-        """True if the loop has missed a tick since the page was opened."""
+        """True if the loop has missed a tick since the first sample that this page has drawn."""
         return self._timing.missed > 0
 
     def draw(self, status: dict[str, Any]) -> None:

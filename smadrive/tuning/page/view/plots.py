@@ -1,4 +1,4 @@
-"""The plots of the tuning page: those over time, the tracking error, the hysteresis plane, the firing strengths."""
+"""The plots of the tuning page: TimePlots, the tracking error over time, hysteresis plane and firing strengths."""
 
 from __future__ import annotations
 
@@ -173,8 +173,8 @@ class Plots(TimePlots):
 def _has_moved(before: Rows, now: Rows, far: Rows) -> bool:
     """Return True if the point `now` must be drawn after the point `before`. A point is temperature and displacement.
 
-    A known point is drawn if one coordinate differs by at least that of `far`. Of unknown points (NaN), only the first
-    is drawn: it ends the line.
+    `far` holds the least difference of each coordinate. A known point is drawn if one of its coordinates differs by at
+    least this difference. Of several unknown points (NaN) in a row, only the first is drawn: it ends the line.
     """
     if np.isnan(now).any():
         return not np.isnan(before).any()

@@ -1,8 +1,8 @@
 """The samples of the whole session, in a bounded memory.
 
-The newest `FULL_ROWS` samples are kept as they are. Older samples are reduced, all of them to the same resolution: of
-each short interval, only the samples with the extremes of the measured values are kept, so that spikes stay visible.
-The longer the session, the longer the intervals.
+At least the newest `FULL_ROWS` samples are kept unchanged. Older samples are reduced: of each short interval, only the
+samples with the extremes of the measured values are kept, so that spikes stay visible. The longer the session, the
+longer the intervals; all intervals have about the same length.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class SampleHistory:
         return float(oldest[_TIME]), float(self._rows[self._count - 1, _TIME])
 
     def window(self, from_s: float, to_s: float, most: int) -> Rows:
-        """Return the samples from `from_s` to `to_s`, and one more at either end.
+        """Return the samples from `from_s` to `to_s`, and the neighbouring sample at either end.
 
         If there are more than `most` samples, only some of them are returned (see `reduced`).
         """

@@ -1,6 +1,6 @@
-"""The plots of measured values over time and their data: displacement, temperature, current.
+"""The plots of displacement, temperature and current over time, with their data.
 
-All traces share one data source, so that a new row is sent only once. An axis with known limits has fixed ends.
+All traces share one data source, so that a new row is sent to the browser only once.
 """
 
 from __future__ import annotations

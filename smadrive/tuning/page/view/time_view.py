@@ -1,7 +1,8 @@
 """The window of time that one page shows: the newest minute while it follows the run, or any part of the session.
 
-A page stops following the run when its user presses Pause, drags or zooms a plot, and at a trip. It follows again after
-Resume, and after a trip also when the heater is armed again. The run does not depend on what a page shows.
+A page stops following the run when the user presses a button such as Pause or Back, drags or zooms a plot, and when a
+fault ends the run. It follows the run again after Resume; after a fault it also follows when the heater is armed again.
+The run does not depend on what a page shows.
 """
 
 from __future__ import annotations
@@ -16,10 +17,10 @@ from smadrive.tuning.page.view.sample_history import SampleHistory
 from smadrive.tuning.page.view.time_plots import POINTS, SHORTEST_S, WINDOW_S, TimePlots
 
 BEFORE_S, AFTER_S = 62.0, 3.0
-"""The time before and after a trip that a page shows when it freezes."""
+"""After a fault, the page shows the samples from BEFORE_S before the fault to AFTER_S after it."""
 
 REFUSALS = ("SafetyError", "ConfigError")
-"""The types of faults that only refuse to arm. The plots do not freeze then, because nothing was heated."""
+"""Types of faults after which the page still follows. Usually such a fault refuses to arm, and nothing was heated."""
 
 NARROW = ":host { min-width: 0; } .bk-btn { padding: 2px 0; }"
 """Style that fits all buttons into one row of 400 pixels."""
@@ -52,7 +53,7 @@ class TimeView:
         return self._window is None
 
     def update(self, status: dict[str, Any]) -> None:
-        """Freeze at a new trip, continue at the next Arm, and draw a window that the user has moved in the browser."""
+        """Stop following at a new fault. Follow again when the heater is armed. Draw a window that the user moved."""
         fault_s = None if status["fault_type"] in REFUSALS else status["fault_s"]
         if fault_s is not None and fault_s != self._frozen_at_s:
             self._frozen_at_s = fault_s

@@ -1,4 +1,4 @@
-"""Changes of the model, the feedback and the reference: queued, built, put in force, undone, compared.
+"""Changes of the tuning and of the reference: queued, built, put in force, undone, compared.
 
 It may import `tuning.builder`, `tuning.link` and `tuning.tuning`; never the rest of the session, and no device.
 """

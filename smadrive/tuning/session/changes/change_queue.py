@@ -46,7 +46,7 @@ class ChangeQueue:
 
     @property
     def is_busy(self) -> bool:
-        """True if a job waits or is being built. A dropped job does not count, even while the builder works on it."""
+        """True if a job waits or is being built. A job that `cancel` has dropped does not count."""
         return self._job is not None or bool(self._waiting)
 
     def add(self, request: AnyRequest, live: SwappableController | None) -> None:
@@ -67,7 +67,7 @@ class ChangeQueue:
         self._answers.append((request, None))
 
     def adapt(self, adaptation: Adaptation) -> bool:
-        """Queue the adapted rules and return True. Return False if another change or a comparison has priority.
+        """Queue the adapted rules and return True. Return False if another change waits, or while a comparison runs.
 
         If the displacement sensor had a fault, the rules from before the fault are queued. They are put in force even
         if the loop has ended in the meantime.
@@ -95,9 +95,9 @@ class ChangeQueue:
         return iter(answers)
 
     def cancel(self) -> None:
-        """Refuse the requests that are not done, drop their jobs, and end the comparison, because the loop has ended.
+        """Call this when the loop has ended. Refuse the requests that are not done, and end the comparison.
 
-        Jobs with `outlives_the_loop` stay in the queue.
+        Drop all jobs, except those with `outlives_the_loop`.
         """
         under_way = [job for job in (self._job, *self._waiting) if job is not None]
         for job in under_way:

@@ -79,7 +79,8 @@ class Comparison:
     def end_cycle(self, follows: Slot | None) -> str:
         """Score the complete cycle for the slot that drove it. The tuning in slot `follows` drives the next cycle.
 
-        Return the text of an event that reports score and next slot; it is empty if there is neither.
+        `follows` is None if the comparison has not put a slot in force yet. Return the text of the event that reports
+        score and next slot; it is empty if there is neither.
         """
         texts = [] if follows is None else [f"{follows} drives"]
         if self.turn is not None and self._samples:

@@ -1,7 +1,7 @@
 """Undo and redo: a list of tunings, and the place of the present tuning in the list.
 
-A slider that is dragged makes many changes. Changes with the same name that follow each other within `DRAG_S` are one
-step of undo. Successive changes of the online adaptation are one step, too, whatever time lies between them.
+A slider that is dragged makes many changes. Changes with the same name count as one step of undo if each follows the
+previous one within `DRAG_S`. Successive changes of the online adaptation always count as one step.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ MAX_TUNINGS = 200
 
 
 class History:
-    """The tunings that were in force, the present tuning, and the tunings that redo would put in force again."""
+    """The present tuning, the earlier tunings for undo, and the later tunings for redo; at most `MAX_TUNINGS`."""
 
     def __init__(self, first: Tuning) -> None:
         self._line = [first]
