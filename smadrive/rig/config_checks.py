@@ -50,7 +50,7 @@ MOST_VOLTS = 4.0
 FACTORS = {"heat_capacity_j_per_k": 3.0, "loss_w_per_k": 3.0, "resistance_cold_ohm": 2.0}
 """Largest factor, up or down, between an identified parameter and its nominal value."""
 LATENT_FACTOR, LATENT_SPAN_K = 5.0, 20.0
-"""Largest latent heat: its nominal value times the factor, or if more, the nominal heat capacity times the span."""
+"""Largest latent heat: nominal latent heat times factor, or nominal heat capacity times span if this is larger."""
 LAG_FACTOR, LAG_S = 5.0, 1.0
 """Largest lag: its nominal value times the factor, or the time in seconds if that is longer."""
 AMBIENT_K = 20.0

@@ -28,7 +28,7 @@ STALE_PERIODS = 3.0
 """A polled sensor becomes stale only after this many of its periods, even if `stale_after_s` is shorter."""
 
 GUARDIAN_PATIENCE = 1.5
-"""The guardian waits `watchdog_s` for a silent driver: at least this multiple of the driver's longest wait."""
+"""Smallest `watchdog_s` with a guardian, as a multiple of the longest time that the driver waits for a reply."""
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,7 @@ class Rig:
         self._trace_folder = trace_folder
 
     def __enter__(self) -> Self:
-        """Open the ports, check the identity of every device in use, and enter the safe state.
+        """Open the ports, check the identity of heat source and sensors, and enter the safe state.
 
         ConfigError on a system that is not POSIX.
         """

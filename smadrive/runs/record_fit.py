@@ -113,7 +113,10 @@ def fit_columns(
     names: tuple[str, str],
     settings: FitSettings,
 ) -> RecordFit:
-    """Fit the hysteresis of output `y` on input `v`. The `names` of both end with the unit, such as `_c` or `_mm`."""
+    """Fit the hysteresis of output `y` on input `v`.
+
+    `names` are the columns of `v` and `y`. Values that do not fit the unit in a name (`_c`, `_mm`) give a caveat.
+    """
     fit = identify_hysteresis(v, y, settings)
     caveats = swap_caveats(names, v, y) or (*unit_caveats(names[0], v), *unit_caveats(names[1], y))
     return RecordFit(fit, None, (*caveats, *fit.caveats), names)

@@ -48,7 +48,7 @@ class PlannedTracking:
     cycling              the plan of the cycles; None if the reference is not repeated
     displacement_from    source of the displacement
     wire_file            file of the wire; None for a wire from elsewhere
-    expected             expected resistance at rest, from the health record beside `wire_file`; None if it is unknown
+    expected             expected resistance at rest, from the health record beside `wire_file`; None if not identified
     """
 
     given: Reference
@@ -107,7 +107,7 @@ def _far_from_record(identified: IdentifiedWire, simulated: Feasibility) -> tupl
     run, far = simulated.sections_c, outside(simulated.sections_c, identified.sections_c)
     if not far:
         return ()
-    (turn_c, end_c), count = far[0], f"{len(far)} of {len(run)} ways of the temperature"
+    (turn_c, end_c), count = far[0], f"{len(far)} of {len(run)} sections of the temperature path"
     where = f"are far from the recorded loops, the first from {turn_c:.0f} to {end_c:.0f} °C"
     return (f'{count} {where}: record more loops, by plan = "forc" in [excitation]',)
 

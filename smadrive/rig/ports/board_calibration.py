@@ -19,8 +19,9 @@ from smadrive.modbus.client import ModbusClient
 from smadrive.rig.ports.board_port import open_board
 
 GAINS = (0.75, 1.25)
+"""Lowest and highest gain that is written to a board."""
 LEAST_A, LEAST_V = 0.02, 0.5
-"""Below these readings the offsets and the steps of the meters matter too much for a gain."""
+"""Lowest readings for a gain. At lower readings the offsets and the resolution of the meters matter too much."""
 _GIVEN = {"source_gain": "--current", "current_gain": "--current", "voltage_gain": "--voltage"}
 """The option from which each gain follows."""
 _UNIT_HINTS = {

@@ -25,7 +25,8 @@ MOST_ADDRESSES = 64
 def keys_in(text: str) -> tuple[DeviceKey, ...]:
     """Return one key for each pair of an address and a unit id in the text.
 
-    The unit id 1 is always used, too, because a text may have none. Comments are ignored, and addresses without a port.
+    The unit id 1 is always used, too, because a text may have none. Comments are ignored, and so are addresses that
+    name no port.
     """
     text = _COMMENT.sub("", text)
     unit_ids = {1, *map(int, _UNIT_ID.findall(text))}

@@ -1,7 +1,7 @@
 """Finds and stops the drivers of a rig for `off`. A driver is a process that controls devices.
 
-`off` uses a line only after its driver has stopped, because two programs on one line would take each other's replies
-for their own.
+`off` asks the driver of a line to stop before it uses the line, because two programs on one line would take each
+other's replies for their own.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from smadrive.errors import SafetyError
 from smadrive.rig.switching_off.each import each
 
 MOST_LATE = 4
-"""`off` gives up after this number of rounds that each stopped a new driver. The user must end what starts them."""
+"""`off` gives up after this number of rounds that stopped a driver. The user must end the program that starts them."""
 
 
 def stop_drivers(keys: Iterable[DeviceKey]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:

@@ -171,7 +171,7 @@ def _confirm_off(source: HeatSource, current_max_a: float, clock: Clock) -> Supp
 def _enter_safe_state(device: PlannedDevice, connections: Connections) -> str:
     """Write the safe state of a device that does not heat the wire, and return its name.
 
-    The safe state matters: a temperature controller heats something else.
+    Such a device may be a temperature controller, which heats something else.
     """
     opened = connections.device(device)
     opened.check_identity()

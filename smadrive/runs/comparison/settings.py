@@ -104,7 +104,7 @@ def _experiment(log: Log) -> Iterator[tuple[str, str]]:
 
 
 def _plain(value: Any) -> Iterator[tuple[str, str]]:
-    """Yield (path, text) like `set_values`, but texts without quotation marks and numbers with five digits."""
+    """Yield (path, text) like `set_values`, but texts without quotation marks and floats with five digits."""
     for name, text in set_values(value):
         inner = json.loads(text)
         yield name, f"{inner:.5g}" if isinstance(inner, float) else inner if isinstance(inner, str) else text

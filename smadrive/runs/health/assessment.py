@@ -36,7 +36,7 @@ HEADER = ("", "identified", "last run", "drift", "tracking error")
 class Assessment(NamedTuple):
     """The health of a wire, the entries of its record, and the reasons to distrust them.
 
-    `health` is None for a wire without a record.
+    `health` is None if the wire has no record, or if the record or the wire file cannot be read.
     """
 
     health: WireHealth | None
