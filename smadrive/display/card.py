@@ -26,7 +26,7 @@ def card(title: str, facts: Facts, plot: str = "", warnings: Iterable[str] = ())
 
 
 def quantity(value: float, digits: int, unit: str) -> str:
-    """Return a value with `digits` decimals and its unit; a dash for NaN."""
+    """Return a value with `digits` decimals and its unit; a dash for a value that is not finite."""
     return f"{value:.{digits}f} {unit}" if isfinite(value) else "–"
 
 

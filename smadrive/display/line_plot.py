@@ -21,7 +21,7 @@ INK = "currentColor"
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a plot. The line has a gap where a value is NaN."""
+    """One line of a plot. The line has a gap where x or y is not finite."""
 
     x: Sequence[float]
     y: Sequence[float]
@@ -52,7 +52,7 @@ class _Axis:
 
 
 def line_plot(curves: Sequence[Curve], x_label: str, y_label: str) -> str:
-    """Return the SVG text of the curves; an empty text when no value is finite."""
+    """Return the SVG text of the curves; an empty text when no point is finite."""
     shown = [_thinned(curve) for curve in curves]
     points = [point for curve in shown for point in curve if _is_finite(point)]
     if not points:
@@ -69,7 +69,10 @@ def line_plot(curves: Sequence[Curve], x_label: str, y_label: str) -> str:
 
 
 def _thinned(curve: Curve) -> list[tuple[float, float]]:
-    """Return the least and the greatest point of each of `POINTS`/2 intervals, and the last point of the curve."""
+    """Return the points to draw: all of them, or at most about `POINTS`.
+
+    Of a longer curve these are the lowest and the highest point in each of `POINTS`/2 intervals, and the last point.
+    """
     points = [(float(x), float(y)) for x, y in zip(curve.x, curve.y, strict=True)]
     if len(points) <= POINTS:
         return points

@@ -32,7 +32,7 @@ class RigDevices(NamedTuple):
     by_name     every device, by its name
     clock       the clock that all devices share
     source      the device that heats
-    port_key    key of the source before it has answered; None for a simulated device
+    port_key    key of the source without its serial number; None for a simulated device
     """
 
     heater: Heater
@@ -62,7 +62,8 @@ def open_devices(
     transports      connections by device name, used instead of the addresses in the rig file
     clock           clock to use instead of the clock of the connections
     trace_folder    folder for traces of the traffic, one file for each connection
-    ConfigError when a trace file cannot be written; TransportError when a port cannot be opened.
+    BusyError when another process uses a line; ConfigError when a trace file cannot be written; TransportError when a
+    port cannot be opened.
     """
     connections = Connections(stack, trace_folder, stop=stop)
     guard = _guard(plan, connections)
@@ -101,14 +102,17 @@ def heat_source(planned: PlannedDevice, device: Device | TCLabBoard, clock: Cloc
 
 
 def port_key(device: PlannedDevice) -> DeviceKey | None:
-    """Return the key of the device by its port; None for a simulated device, which ends with this process."""
+    """Return the key of the device, without its serial number; None for a simulated device, which has no port."""
     if device.is_simulated:
         return None
     return key_of(device)
 
 
 def _guard(plan: RigPlan, connections: Connections) -> GuardianClient | None:
-    """Return the client of the guardian, None without guardian. Each use of a connection sends it a heartbeat."""
+    """Return the client of the guardian; None if the plan has no guardian.
+
+    Each use of a connection sends the guardian a heartbeat.
+    """
     if plan.guardian is None:
         return None
     guard = GuardianClient(plan.guardian, connections.disconnect)

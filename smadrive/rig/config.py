@@ -24,7 +24,7 @@ class DeviceConfig(Section):
     measures        quantities that the rig takes from this device; by default all for which the profile has a register
     rate_hz         rate at which a sensor is read; by default at every tick, but never faster than the sensor converts
     full_scale_a    for a board that is commanded by duty: current in A through this wire at 100 %
-    full_scale_v    for such a board: voltage in V at this wire at 100 %
+    full_scale_v    for a board that is commanded by duty: voltage in V at this wire at 100 %
     """
 
     name: str
@@ -38,7 +38,14 @@ class DeviceConfig(Section):
 
 
 class LimitsConfig(Section):
-    """The limits of the rig, which every safety layer uses. A limit without a value does not apply."""
+    """The limits of the rig, which every safety layer uses. A limit that is None does not apply.
+
+    temperature_min_c    a reading below this temperature in °C is a fault
+    watchdog_s           device or guardian switches the heater off after this time in s without a command
+    stale_after_s        longest time in s between two measurements
+    tracking_max_mm      largest difference between setpoint and displacement in mm
+    tracking_for_s       time in s for which the difference may be larger, or the displacement may be unknown
+    """
 
     current_max_a: float = Field(gt=0)
     temperature_max_c: float = Field(le=600)
@@ -57,7 +64,7 @@ class ExcitationConfig(Section):
 
     plan          `nested` for shrinking inner loops, `forc` for first-order reversal curves
     reversals     nested: number of inner loops from each end of the range; forc: number of falling curves
-    duration_s    time for the path in s, instead of `reversals`: the path has as many reversals as fit
+    duration_s    longest duration of the path in s; may replace `reversals`: the path has as many reversals as fit
     """
 
     low_c: float
@@ -79,12 +86,12 @@ class ExcitationConfig(Section):
 class FeedbackConfig(Section):
     """The speed of the temperature loop; its gains follow from the heat balance.
 
-    closed_loop_s        time constant of the closed loop in s; by default 0.25, and at least `LOOP_PERIODS` periods
+    closed_loop_s        time constant of the closed loop in s; by default 0.25, or `LOOP_PERIODS` periods if longer
     integral_s           integral time in s
     noise_c              noise of the measured temperature in °C
     feedforward_share    fraction of the feedforward's power that is used; less than 1 leaves more to the feedback
-    adapt                if True, a session of `tune` adapts the rules to the measured displacement while it is armed;
-                         no other command adapts them
+    adapt                if True, `tune` adapts the rules of the model to the measured displacement while the session is
+                         armed; other commands ignore this key
     """
 
     closed_loop_s: float = Field(default=0.25, gt=0)
@@ -201,7 +208,7 @@ def in_folder(devices: Iterable[DeviceConfig], folder: Path) -> tuple[DeviceConf
 
 
 def path_or_name(folder: Path, name: str) -> str:
-    """Return the path `name` joined to `folder`, or a shipped name as it is. A variant at its end (`:J`) stays."""
+    """Return the path `name` joined to `folder`, or a shipped name as it is. The variant of a profile (`:J`) stays."""
     path = name.partition(":")[0]
     return str(folder / name) if path.endswith(".toml") else name
 

@@ -7,18 +7,20 @@ holds a wire of resistance R at `temperature_max_c` (T_max) in surroundings of T
 
     I_held = sqrt(h A (T_max - T_amb) / R)
 
-A current limit of more than `AMPLE` times this current has no effect. A current limit that warms the wire by less than
-`LEAST_WARMING_K` is lost in the noise of the measured current. When a clamp opens, the voltage of a supply rises to the
-voltage limit, so this limit should be only a little above R I_max, with I_max the current limit. If a supply gives less
-than `LEAST_SHARE` of the commanded current, the supervisor assumes a broken circuit. So the voltage limit must at least
-allow this share. The upper bound of the voltage limit allows for the leads, and for a current limit that
-is still low for the first heating: V <= `MOST_VOLTS` (R + R_leads) max(I_max, I_held).
+A current limit of more than `AMPLE` times this current protects nothing. A current limit that warms the wire by less
+than `LEAST_WARMING_K` is lost in the noise of the measured current.
+
+When a clamp opens, the voltage of a supply rises to the voltage limit. So this limit should be only a little above
+R I_max, with I_max the current limit. If a supply gives less than `LEAST_SHARE` of the commanded current, the
+supervisor assumes a broken circuit. So the voltage limit must at least allow this share. The upper bound is
+`MOST_VOLTS` (R + R_leads) max(I_max, I_held). It contains the resistance of the leads, and I_held for a current limit
+that is still low for the first heating.
 
 **Heat balance.** An identified heat balance must be near the nominal heat balance of the rig's wire, because all
-supervision of a run relies on it. With a thermocouple lag in milliseconds instead of seconds, no reading would be
-implausible; with ten times the resistance, the wire would not be heated. The ranges allow for the scatter of right
-values: published specific heats differ by a factor of 2.6, moving air doubles the loss, and a bead of glue makes a
-thermocouple several times slower.
+supervision of a run relies on it. If the thermocouple lag stood in milliseconds instead of seconds, the supervisor
+would find no reading implausible. If the resistance were ten times too large, the wire would not be heated. The ranges
+allow for the scatter of correct values: published specific heats differ by a factor of 2.6, moving air doubles the
+loss, and a bead of glue makes a thermocouple several times slower.
 """
 
 from __future__ import annotations
@@ -43,18 +45,18 @@ LEAST_SHARE = 0.5
 """Lowest voltage limit: the voltage that drives this fraction of current_max_a through the nominal wire."""
 
 MOST_VOLTS = 4.0
-"""The highest voltage limit, as a multiple of the voltage that the circuit needs at its largest current."""
+"""Highest voltage limit, as a multiple of (R + R_leads) max(I_max, I_held); see the head of this file."""
 
 FACTORS = {"heat_capacity_j_per_k": 3.0, "loss_w_per_k": 3.0, "resistance_cold_ohm": 2.0}
 """Largest factor, up or down, between an identified parameter and its nominal value."""
 LATENT_FACTOR, LATENT_SPAN_K = 5.0, 20.0
-"""Largest latent heat: its nominal value times the factor, or if more, the nominal heat capacity times the span."""
+"""Largest latent heat: nominal latent heat times factor, or nominal heat capacity times span if this is larger."""
 LAG_FACTOR, LAG_S = 5.0, 1.0
 """Largest lag: its nominal value times the factor, or the time in seconds if that is longer."""
 AMBIENT_K = 20.0
 """Largest difference between identified and nominal ambient temperature in K."""
 RESISTANCE_CHANGE = 0.4
-"""Largest difference between identified and nominal relative change of resistance. Its sign depends on the wire."""
+"""Largest difference between identified and nominal `resistance_change`, which may be positive or negative."""
 
 
 def check_limits(config: RigConfig, wire: WireDataSheet) -> None:
@@ -205,7 +207,7 @@ def _check_temperature_step(temperature_c: float, config: RigConfig, balance: He
 
 
 def check_same_wire(found: HeatBalance, nominal: HeatBalance, wire: str) -> None:
-    """Raise ConfigError if the heat balance `found` cannot belong to the wire `wire` with the balance `nominal`."""
+    """Raise ConfigError if the heat balance `found` cannot belong to `wire`, whose nominal balance is `nominal`."""
     most_latent_j = max(LATENT_FACTOR * nominal.latent_heat_j, LATENT_SPAN_K * nominal.heat_capacity_j_per_k)
     ranges = {name: (getattr(nominal, name) / by, getattr(nominal, name) * by) for name, by in FACTORS.items()} | {
         "latent_heat_j": (0.0, most_latent_j),

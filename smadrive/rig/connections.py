@@ -28,8 +28,9 @@ class Connections:
     """Opens the connections; `stack` closes them. A trace file has the name of the first device on its connection.
 
     `access` is called before each use of a connection (see `PortAccess`), if it was set before that connection was
-    opened. Serial ports are locked, and so is the line of a device that heats. A line that another process has locked
-    is used only in the role OFF. `stop` listens for an emergency stop at every line as soon as the line is locked.
+    opened. A serial line is always locked, a line on a network only for the device that heats. A line that another
+    process has locked is used only in the role OFF. `stop` listens for an emergency stop at every line as soon as the
+    line is locked.
     """
 
     access: PortAccess | None = None
@@ -49,9 +50,10 @@ class Connections:
     def device(
         self, device: PlannedDevice, given: Transport | None = None, read_retries: int | None = None
     ) -> Device | TCLabBoard:
-        """Return the device at its address, or on the connection `given`; BusyError if another process has its line.
+        """Return the device at its address, or on the connection `given`.
 
-        `read_retries` replaces the value in the profile if it is not None.
+        `read_retries` replaces the value in the profile if it is not None. BusyError if another process has locked the
+        line of the device, except in the role OFF.
         """
         if not device.is_simulated:
             self._lock(device)
@@ -107,7 +109,7 @@ class Connections:
     def _simulated(self, device: PlannedDevice) -> Transport:
         """Return a connection to a simulated device in this process. Devices with the same sim://NAME share one bench.
 
-        sim://NAME?profile=OTHER simulates a device of type OTHER instead of the type in the rig file.
+        sim://NAME?profile=OTHER simulates a device with the profile OTHER instead of the profile in the rig file.
         """
         name, _, other = device.config.url.removeprefix(SIMULATED).partition("?profile=")
         if name not in self._simulations:

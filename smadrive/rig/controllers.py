@@ -24,13 +24,13 @@ from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 EXCITATION_SLOWER = 2.0
-"""Before the wire is identified, the temperature loop is slower by this factor."""
+"""Factor on `closed_loop_s` in an excitation and a manual step, which use the uncertain nominal heat balance."""
 
 
 def excitation_path(config: ExcitationConfig, start_c: float) -> Excitation:
     """Return the temperature path of the identification experiment for a wire that is at `start_c` (°C) now.
 
-    ConfigError if the experiment is impossible in its `duration_s`.
+    ConfigError if even the shortest path of the plan takes longer than `duration_s`.
     """
     return planned_excitation(
         config.plan,
@@ -77,7 +77,8 @@ def tracking_controller(
 ) -> TrackingController:
     """Return the controller that follows a displacement reference with the given inverse model.
 
-    `displacement_from` replaces the source of the displacement in the rig file.
+    `resistance` is the identified resistance of the wire. `displacement_from` replaces the source of the displacement
+    in the rig file.
     """
     settings = tracking_settings(config)
     if displacement_from is not None:

@@ -28,7 +28,7 @@ STALE_PERIODS = 3.0
 """A polled sensor becomes stale only after this many of its periods, even if `stale_after_s` is shorter."""
 
 GUARDIAN_PATIENCE = 1.5
-"""The guardian waits for the driver at least this many times longer than the driver waits for a reply."""
+"""Smallest `watchdog_s` with a guardian, as a multiple of the longest time that the driver waits for a reply."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class PlannedSensor:
 
 @dataclass(frozen=True)
 class RigPlan:
-    """The devices of a rig and their tasks. `guardian` is the task of the guardian process, or None without one."""
+    """The devices of a rig and their tasks. `guardian` is the task of the guardian process; None: no guardian."""
 
     devices: tuple[PlannedDevice, ...]
     source: PlannedDevice
@@ -128,7 +128,7 @@ def _check_thermometer(source: PlannedDevice, sensors: Iterable[PlannedSensor], 
 
 
 def _check_addresses(devices: Sequence[PlannedDevice], where: str) -> None:
-    """Raise ConfigError if devices at one address are ambiguous, or simulated devices are on two benches."""
+    """Raise ConfigError if devices at one address cannot share it, or simulated devices are on two benches."""
     for url in {device.config.url for device in devices if not device.config.url.startswith(SIMULATED)}:
         _check_line(url, [device for device in devices if device.config.url == url])
     urls = {device.config.url for device in devices if device.is_simulated and not device.is_given}

@@ -1,7 +1,7 @@
 """A device of a rig file with its profile: its task, and the quantities that the rig takes from it.
 
-A device measures every quantity that its profile has a register for, or only the quantities that the rig file lists for
-it: an input without a sensor shows a value, too.
+The rig takes from a device every quantity that its profile has a register for, or only the quantities in the list
+`measures` of the rig file. The list is needed because an input without a sensor shows a value, too.
 """
 
 from __future__ import annotations

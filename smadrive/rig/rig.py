@@ -79,7 +79,7 @@ class Rig:
         self._trace_folder = trace_folder
 
     def __enter__(self) -> Self:
-        """Open the ports, check the identity of every device in use, and enter the safe state.
+        """Open the ports, check the identity of heat source and sensors, and enter the safe state.
 
         ConfigError on a system that is not POSIX.
         """
@@ -106,7 +106,7 @@ class Rig:
 
     @property
     def identities(self) -> dict[str, DeviceType]:
-        """The type of each device, by the device's name, with the proof of this type."""
+        """The type of each device, by the device's name, and the result of the check of this type."""
         return {
             name: DeviceType(device.profile.profile.id, device.profile.profile.vendor, device.type_check)
             for name, device in self.devices.items()
@@ -188,11 +188,14 @@ class Rig:
     def check_sensing(
         self, wire: WireModel, displacement_from: DisplacementFrom, temperature_c: float
     ) -> tuple[str, ...]:
-        """Return warnings about the source of the displacement. ConfigError if it is impossible; see check_sensing."""
+        """Return warnings about the source of the displacement; ConfigError if the rig cannot use this source.
+
+        See sensing_checks.py.
+        """
         return check_sensing(displacement_from, self._plan.source, wire, temperature_c)
 
     def check_chosen(self, wire: WireModel, chosen: DisplacementFrom, temperature_c: float) -> tuple[str, ...]:
-        """Return the warnings of `check_sensing`. ConfigError also if `chosen` is a sensor that the rig lacks."""
+        """Return the warnings of `check_sensing`; ConfigError, too, if `chosen` is a sensor that the rig lacks."""
         check_sensor(chosen, is_measured=self.measures("displacement"))
         return self.check_sensing(wire, chosen, temperature_c)
 

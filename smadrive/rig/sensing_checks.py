@@ -5,6 +5,8 @@ error of up to q/2, and while the current is steady, this error does not average
 branch, held by the current I at the voltage U, the error of the displacement is up to
 
     (q_U / 2U + q_I / 2I) R / |dR/dξ|  strokes
+
+q_U and q_I are the quanta of voltage and current, R is the resistance, and ξ is the phase.
 """
 
 from __future__ import annotations
@@ -23,7 +25,8 @@ from smadrive.wire.wire_model import WireModel
 KEY = "displacement_from"
 
 COARSE, TOO_COARSE = 0.02, 0.1
-"""Errors by the resolution, in strokes: a run above the first gets a warning, a run above the second is refused."""
+"""Bounds of the error by the resolution, in strokes. A run above `COARSE` gets a warning, a run above `TOO_COARSE` is
+refused."""
 
 
 def check_sensing(
@@ -70,7 +73,7 @@ def _check_measured(source: PlannedDevice) -> None:
 
 
 def resolution(profile: Profile) -> tuple[float, float]:
-    """Return the quanta of the measured current, A, and of the measured voltage, V. A float register has none: 0."""
+    """Return the quanta of the measured current, A, and of the measured voltage, V. The quantum of a float is 0."""
     names = profile.roles.measured_current, profile.roles.measured_voltage
     registers = [profile.register(name) for name in names if name is not None]
     current_a, voltage_v = (0.0 if one.type.startswith("float") else abs(one.scale) for one in registers)
@@ -103,7 +106,7 @@ def resolution_error(wire: WireModel, resistance: WireResistance, quantum_a: flo
 
 
 def _lead_caveats(wire: WireModel, resistance: WireResistance, temperature_c: float) -> tuple[str, ...]:
-    """Return the bands without a displacement by the resistance, and a warning if the leads cannot be measured."""
+    """Return warnings: where the resistance does not show the displacement, and if the leads cannot be measured."""
     texts = lost_text(wire, resistance)
     if temperature_c < cold_c(wire, resistance):
         return texts

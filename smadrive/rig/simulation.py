@@ -22,7 +22,10 @@ class SimulatedConnections:
         self._clock.follow(simulated_bench.advance_to)
 
     def transport(self, device: DeviceConfig, profile: str = "") -> Transport:
-        """Attach the device to the bench and return a connection to it. `profile` replaces the rig file's profile."""
+        """Attach the device to the bench and return a connection to it.
+
+        `profile` replaces the profile in the rig file unless it is empty.
+        """
         attached = self._simulated_bench.attach(load_profile(profile or device.profile), device.unit_id, device.name)
         return attached.transport(self._clock)
 

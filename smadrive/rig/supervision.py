@@ -42,8 +42,9 @@ def supervisor(
 ) -> Supervisor:
     """Return the supervisor of a run with the limits of the rig file.
 
-    With a model, a displacement outside the model's range is a fault, and with an `expected` resistance a jump away
-    from it. ConfigError if the wire can overheat between two temperature readings.
+    With a model, a displacement outside the model's range is a fault. With a model and `expected`, a jump of the
+    resistance at rest away from `expected` is a fault, too. ConfigError if the wire can overheat between two
+    temperature readings.
     """
     _check_thermometer(config, heater.temperature_period_s, balance)
     lag_s = LAG_FACTOR * balance.thermocouple_lag_s
@@ -59,7 +60,7 @@ def supervisor(
 
 
 def stale_after_s(config: RigConfig) -> float:
-    """Return the longest time between two measurements of a run, s."""
+    """Return the longest allowed time between two measurements of a run, s."""
     return max(config.limits.stale_after_s, STALE_PERIODS / config.rate_hz)
 
 

@@ -45,7 +45,8 @@ LOST_S = 5.0
 Watch = Callable[[TickRecorder, float], AbstractContextManager[TickHandler]]
 """Takes the recorder of the open log, and the duration of the run in s. Returns a context manager.
 
-The context yields a function. The loop calls this function with each tick; it records the tick, and may also show it.
+The context yields a function. The loop calls this function with each tick. The function records the tick, and may show
+it.
 """
 
 
@@ -128,7 +129,7 @@ def track(
 ) -> LoopMetrics:
     """Run `plan` and record it in `log_file`, with `notes`. TripError after a trip.
 
-    `inverse` replaces the inverse of the hysteresis model as feedforward.
+    `inverse` is the feedforward, by default the inverse of the hysteresis model.
     """
     model, balance = plan.wire.model, plan.wire.balance
     inverse = inverse or HysteresisInverse(model)

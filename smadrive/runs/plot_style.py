@@ -39,7 +39,7 @@ STYLE: Any = {
 }
 
 POINTS = 3000
-"""Largest number of points of a line. A longer line is thinned out: the width of a page has fewer pixels."""
+"""Largest number of points of a line. A line with more points is thinned out: a page has fewer pixels."""
 
 
 NOTEBOOK_STYLE: Any = {**STYLE, "svg.fonttype": "none", "path.simplify_threshold": 1.0}

@@ -26,15 +26,19 @@ INPUT, OUTPUT = "temperature_c", "displacement_mm"
 """The columns of a table from which a model is fitted, unless other columns are chosen."""
 
 NO_CURRENT = "the record has no current and no voltage: give the log of an excitation"
-"""The reason why a table has no resistance."""
+"""The reason why no resistance is fitted to a table."""
 
 
 @dataclass(frozen=True)
 class RecordFit:
     """The fit of the hysteresis and, for a log, the fits of the heat balance and of the resistance.
 
-    `caveats` are reasons to distrust the fits. `axes` are the labels of input and output. `resistance` is None if the
-    resistance cannot measure the displacement; `without_resistance` is then the reason.
+    fit                   fit of the hysteresis
+    thermal               fit of the heat balance; None for a record that is not a log
+    caveats               reasons to distrust the fits
+    axes                  labels of input and output
+    resistance            fit of the resistance; None if the resistance cannot measure the displacement
+    without_resistance    reason why `resistance` is None
     """
 
     fit: AnyFit
@@ -74,7 +78,10 @@ def fit_file(path: Path, columns: tuple[str, str], settings: FitSettings) -> Rec
 
 
 def check_table_columns(where: object, columns: tuple[str, str], names: Iterable[str]) -> None:
-    """Raise DataError if a table, called `where`, has no column with one of the two names. `names` are its columns."""
+    """Raise DataError if one of the two `columns` is not among `names`, the columns of a table.
+
+    `where` names the table in the error.
+    """
     in_order = sorted(names)
     for option, name in zip(("input", "output"), columns, strict=True):
         if name not in in_order:
@@ -93,7 +100,7 @@ def check_log_columns(path: Path, columns: tuple[str, str]) -> None:
 
 
 def fit_log(log: Log, settings: FitSettings) -> RecordFit:
-    """Fit heat balance and hysteresis to the log of an excitation."""
+    """Fit heat balance, hysteresis and, if possible, resistance to the log of an excitation."""
     wire = identify_wire(excitation_record(log), nominal_balance(log), settings)
     caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
     axes = "wire temperature / °C", "displacement / mm"
@@ -106,7 +113,10 @@ def fit_columns(
     names: tuple[str, str],
     settings: FitSettings,
 ) -> RecordFit:
-    """Fit the hysteresis of output `y` on input `v`; the columns' `names` contain their units."""
+    """Fit the hysteresis of output `y` on input `v`.
+
+    `names` are the columns of `v` and `y`. Values that do not fit the unit in a name (`_c`, `_mm`) give a caveat.
+    """
     fit = identify_hysteresis(v, y, settings)
     caveats = swap_caveats(names, v, y) or (*unit_caveats(names[0], v), *unit_caveats(names[1], y))
     return RecordFit(fit, None, (*caveats, *fit.caveats), names)

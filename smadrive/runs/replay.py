@@ -1,4 +1,4 @@
-"""Replays a recorded run: gives the recorded measurements to the controller, and compares its commands with the log.
+"""Replays a recorded run: gives the recorded measurements to the controller, and compares the commands with the log.
 
 If nothing has changed, the replayed commands equal the recorded ones bit for bit. A difference shows the effect of a
 change of the software, or of another model of the wire. The measurements stay the recorded ones: a replay does not show
@@ -42,8 +42,11 @@ RECORD = "record the run again"
 class Difference:
     """Difference between a replayed column and the recorded one, in the unit of the column.
 
-    `max` is the largest magnitude, `rms` the root mean square. Both leave out samples in which only one of the columns
-    is NaN. `first_s` is the time of the first sample that differs. It is inf when no sample differs.
+    max        largest magnitude, without samples in which only one of the two columns is NaN
+    rms        root mean square over the same samples
+    first_s    time of the first sample that differs, s; inf when no sample differs
+
+    `max` and `rms` are NaN if in every sample that differs one of the columns is NaN.
     """
 
     max: float
@@ -55,7 +58,7 @@ class Difference:
 class Replay:
     """The replayed columns that a controller computes, and their differences from the recorded ones, by column name.
 
-    A column that the log lacks is left out, because an older version recorded it.
+    Logs of older versions lack some of these columns. Such a column is left out.
     """
 
     time_s: Array
@@ -98,7 +101,7 @@ def _commands(log: Log, controller: Controller) -> Iterator[Command]:
 def prediction_percent(log: Log, estimated_mm: Array, model: HysteresisModel) -> float:
     """Return the RMS of estimated minus measured displacement, in % of the stroke of `model`.
 
-    The result is NaN when the measurement or the estimate of a sample is missing.
+    The result is NaN when the measurement or the estimate of any sample is missing.
     """
     cold_mm, hot_mm = travel_mm(model)
     residual = (estimated_mm - log.column_with_gaps("displacement_mm")) / abs(hot_mm - cold_mm)

@@ -45,13 +45,13 @@ STEP = "manual step"
 
 BY_RESISTANCE = "warning: the displacement sensor has failed, the resistance of the wire replaces it"
 BY_SENSOR = "the displacement sensor is valid again and used"
-"""The events when the source of the displacement changes."""
+"""The texts of the events when the source of the displacement changes."""
 
 OBSERVATION = "observation"
 """The metadata text `kind` of a log of the command `watch`: measurements without heat."""
 
 WIRE_FILE = "wire_file"
-"""The metadata text with the path of the wire file of the run. It is missing if the wire came from elsewhere."""
+"""Name of the metadata text with the path of the wire file. A log has no such text if its run used no wire file."""
 
 _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 
@@ -60,8 +60,8 @@ class TickRecorder(Recorder):
     """Records the ticks of a loop: a row for each tick, and events.
 
     An event is written when the faults change, when a limit acts for the first time, and when the source of the
-    displacement changes between a sensor and the resistance. `stopped_by` returns the program that has made an
-    emergency stop, as text; empty without a stop.
+    displacement changes between a sensor and the resistance. `stopped_by` returns the name of the program that has
+    requested an emergency stop; it is empty without such a request.
     """
 
     def __init__(self, path: Path, metadata: Mapping[str, str], rows: int, stopped_by: Callable[[], str] = str) -> None:
@@ -100,7 +100,7 @@ class TickRecorder(Recorder):
                 self.event(f"limited by {limit} for the first time")
 
     def _report_source(self, tick: Tick) -> None:
-        """Write an event when the resistance replaces a displacement sensor, or gives way to it again."""
+        """Write an event when the resistance replaces a displacement sensor, and when the sensor is used again."""
         uses_resistance = bool(tick.command.uses_resistance)
         if self._by_sensor and uses_resistance is not self._uses_resistance:
             self.event(BY_RESISTANCE if uses_resistance else BY_SENSOR)

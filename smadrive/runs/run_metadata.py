@@ -71,7 +71,10 @@ def excitation_caveats(log: Log) -> tuple[str, ...]:
 
 
 def _stroke_caveats(log: Log) -> tuple[str, ...]:
-    """Return the caveats about the displacement. A log of version 0.1 does not hold the length of the wire."""
+    """Return the caveats about the displacement.
+
+    A log of version 0.1 does not hold the length of the wire, so only the unit is checked.
+    """
     if "displacement_mm" not in log.columns:
         return ()
     displacement_mm = log.column("displacement_mm")
@@ -92,7 +95,7 @@ def reference_of(log: Log) -> Reference:
 
 
 def wire_of(log: Log) -> IdentifiedWire:
-    """Return the wire of a tracking run, with its heat balance. DataError for a log of another experiment."""
+    """Return the identified wire of a run, with its heat balance. DataError when the run used no identified wire."""
     return parse_wire(log.text("wire"), f"{log.path}: wire")
 
 

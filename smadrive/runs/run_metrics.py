@@ -26,7 +26,7 @@ MEASURABLE = 0.05
 """A resistance is computed only at currents of at least this share of current_max_a, where offsets matter little."""
 
 NOT_REACHED_K = 2.0
-"""A step that ends farther than this from its setpoint has not reached it."""
+"""A step has not reached its setpoint if it ends more than this from the setpoint, in K."""
 
 FEW_MISSING = 0.03
 """Largest share of samples that a working sensor misses. A larger share gives a warning about the metrics."""
@@ -39,10 +39,7 @@ def has_setpoint(log: Log) -> bool:
 
 
 def scored_from_s(log: Log) -> float:
-    """Return the time at which the metrics begin: the end of the approach.
-
-    A run with a controller of the user has no approach.
-    """
+    """Return the time in s at which the metrics begin: the end of the approach, or 0 for a run without an approach."""
     return reference_of(log).scored_from_s if "reference" in log.metadata else 0.0
 
 
@@ -59,7 +56,7 @@ def error_percent(log: Log) -> Array:
 
 
 def is_virtual(log: Log) -> bool:
-    """Return True if no tick was late: the run was in virtual time. In real time, every tick is a little late."""
+    """Return True if the run was in virtual time: no tick was late. In real time, ticks are always a little late."""
     return not log.column("late_s").any()
 
 
@@ -152,9 +149,12 @@ def _command_caveats(log: Log) -> Iterator[str]:
 class RunMetrics:
     """Metrics of a complete or interrupted run, computed from its log alone. Unknown metrics are NaN.
 
-    `kind` is for example `excitation` or `tracking`. `rms_percent` and `max_percent` are the tracking error in % of
-    the stroke. `energy_j` is the electrical energy that the wire received. `limited_percent` is the share of ticks in
-    which a limit reduced the output.
+    rms_percent, max_percent    RMS and largest tracking error, in % of the stroke
+    missed_deadlines            number of ticks that began late by more than `LATE_FRACTION` of a period
+    late_max_s                  largest delay of a tick, s
+    current_max_a               largest measured current, A
+    energy_j                    electrical energy that the wire received, J
+    limited_percent             share of ticks in which a limit reduced the output, %
     """
 
     kind: str

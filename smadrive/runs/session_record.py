@@ -1,6 +1,6 @@
 """The events of a tuning session that a program reads back: modes, tunings in force, and the texts of their models.
 
-A log has a fixed room for the text of an event, so the text of a model is stored in several events:
+The text of an event has a fixed length in a log, so the text of a model is stored in several events:
 
     mode: tracking
     model 2, part 1 of 4: {"schema": …
@@ -35,7 +35,13 @@ _IN_FORCE = re.compile(r"in force: (.*), model (\d+): (.*)", re.DOTALL)
 
 
 class PutInForce(NamedTuple):
-    """A tuning that was put in force: its time, the name of its change, the number of its model and its values."""
+    """A tuning that was put in force.
+
+    time_s    time of the event, s
+    change    name of the change that gave the tuning
+    model     number of the model in the log, see `models_of`
+    values    values of the tuning, as text
+    """
 
     time_s: float
     change: str
@@ -100,10 +106,10 @@ def spans_of(log: Log) -> Iterator[Span]:
 
 
 def trips_of(log: Log) -> list[RunEvent]:
-    """Return the trips of a session, in their order. A session goes on after a trip, and the user may clear it."""
+    """Return the trips of a session, in their order. There may be several: the user may clear a trip and go on."""
     return [event for event in log.events if _TRIP.match(event.message)]
 
 
 def plain_events(log: Log) -> list[RunEvent]:
-    """Return the events without the parts of models, and without the metrics of cycles, which have a table."""
+    """Return the events without parts of models and metrics of cycles. A report has a table of these metrics."""
     return [event for event in log.events if not (_PART.fullmatch(event.message) or _CYCLE.match(event.message))]

@@ -42,10 +42,13 @@ NOT_ADAPTED = "adapt = true under [feedback] has an effect only in `smadrive tun
 class PlannedTracking:
     """A tracking run that was simulated on the model of its wire.
 
-    `given` is the reference with its approach. `nearest` is the reference that the run tracks; it equals `given` if the
-    wire can follow `given`. `caveats` are reasons to distrust the run, one sentence each. `displacement_from` is the
-    source of the displacement. `expected` is the resistance that the run is expected to find, from the health record
-    beside `wire_file`.
+    given                the reference of the user, with the approach
+    nearest              the reference that the run tracks; it equals `given` if the wire can follow `given`
+    caveats              reasons to distrust the run, one sentence each
+    cycling              the plan of the cycles; None if the reference is not repeated
+    displacement_from    source of the displacement
+    wire_file            file of the wire; None for a wire from elsewhere
+    expected             expected resistance at rest, from the health record beside `wire_file`; None if not identified
     """
 
     given: Reference
@@ -104,7 +107,7 @@ def _far_from_record(identified: IdentifiedWire, simulated: Feasibility) -> tupl
     run, far = simulated.sections_c, outside(simulated.sections_c, identified.sections_c)
     if not far:
         return ()
-    (turn_c, end_c), count = far[0], f"{len(far)} of {len(run)} ways of the temperature"
+    (turn_c, end_c), count = far[0], f"{len(far)} of {len(run)} sections of the temperature path"
     where = f"are far from the recorded loops, the first from {turn_c:.0f} to {end_c:.0f} °C"
     return (f'{count} {where}: record more loops, by plan = "forc" in [excitation]',)
 
@@ -121,10 +124,10 @@ def plan_tracking(
 ) -> PlannedTracking:
     """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
 
-    With `cycling` the reference is repeated. If the wire cannot follow `given`, the run tracks the nearest reference if
-    `smooth` is True. Otherwise ConfigError names `smooth_option`, the option of the user that sets `smooth`.
-    `displacement_from` replaces the source of the displacement in the rig file. ConfigError also for a reference
-    outside the temperature or displacement limits of the rig.
+    With `cycling` the reference is repeated. If the wire cannot follow `given` and `smooth` is True, the run tracks the
+    nearest reference. If `smooth` is False, ConfigError names `smooth_option`, the option of the user that sets
+    `smooth`. `displacement_from` replaces the source of the displacement in the rig file. A reference outside the
+    temperature or displacement limits of the rig is a ConfigError, too.
     """
     wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance, identified.resistance)
     chosen, limits = displacement_from or rig.config.displacement_from, rig.config.limits
@@ -147,9 +150,9 @@ def plan_tracking(
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
-    """Return the measured displacement.
+    """Return the measured displacement, mm.
 
-    Without a sensor, return the displacement of the model for a wire that was heated from cold.
+    If it is unknown, return the displacement that `model` has at the measured temperature after heating from cold.
     """
     if isfinite(measured.displacement_mm):
         return measured.displacement_mm
@@ -159,7 +162,7 @@ def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> floa
 def _start(
     rig: Rig, given: Reference, wire: WireModel, displacement_from: DisplacementFrom
 ) -> tuple[WireState, Reference]:
-    """Return the present state of the wire, and `given` with the approach from there."""
+    """Return the present state of the wire, and `given` with the approach from this state."""
     measured = rig.measure()
     if displacement_from is not DisplacementFrom.SENSOR:
         measured = measured._replace(displacement_mm=nan)

@@ -20,7 +20,11 @@ STEADY = {"temperature": 0.5, "displacement": 0.02}
 
 
 class SteadyReading(NamedTuple):
-    """The mean of `samples` readings, and its standard uncertainty from their scatter and a uniform drift."""
+    """The mean of `samples` readings, and the standard uncertainty of the mean, in °C or mm.
+
+    The uncertainty combines the scatter of the readings and the change between their two halves. The change counts as
+    the half-width of a uniform distribution.
+    """
 
     mean: float
     uncertainty: float
@@ -30,7 +34,7 @@ class SteadyReading(NamedTuple):
 def read_steadily(rig: Rig, quantity: str, duration_s: float) -> SteadyReading:
     """Return the mean of the readings of `quantity` over `duration_s`; the heater stays off.
 
-    DataError when a reading is invalid, or the readings are not steady.
+    DataError when a reading is invalid, the readings are not steady, or there are fewer than `LEAST_READINGS`.
     """
     by_time: dict[float, float] = {}
     end_s = rig.clock.now_s() + duration_s
@@ -71,7 +75,7 @@ def check_reading(rig: Rig, quantity: str) -> None:
 def _valid(rig: Rig, quantity: str) -> tuple[float, float]:
     """Return the time and the value of the sensor's latest reading; DataError when it is invalid.
 
-    The time is that of the measurement minus the age of the reading. It is rounded to microseconds, so two measurements
+    The time is the time of the measurement minus the age of the reading, rounded to microseconds. So two measurements
     that return the same reading give the same time.
     """
     measurement = rig.measure()

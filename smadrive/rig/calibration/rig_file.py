@@ -27,8 +27,8 @@ def check_own_file(path: Path) -> None:
 def store_calibration(path: Path, quantity: str, values: dict[str, Any]) -> None:
     """Write `values` as the section [calibration.QUANTITY] of the rig file, in place of an earlier one.
 
-    ConfigError when no working sensor has such an offset or scale; DataError when the file cannot be written. In both
-    cases the file stays as it is.
+    ConfigError when offset or scale are outside the limits of a working sensor; DataError when the file cannot be
+    written. In both cases the file stays as it is.
     """
     try:
         validate({quantity: values}, CalibrationConfig, where=str(path))

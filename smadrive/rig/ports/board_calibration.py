@@ -1,10 +1,11 @@
 """The calibration constants of an `sma-reference` board, from readings of multimeters while the board holds a current.
 
-    source_gain      <- source_gain  · set / true        the source gave `true` while it was set to `set`
-    current_gain     <- current_gain · true / shown      the board showed `shown`; without the offset
-    voltage_gain     <- voltage_gain · true / shown
+    source_gain      <- source_gain  · set / true
+    current_gain     <- current_gain · (true - current_offset) / (shown - current_offset)
+    voltage_gain     <- voltage_gain · (true - voltage_offset) / (shown - voltage_offset)
 
-The offsets stay. docs/sma-reference.md, "Calibration", has the equations of the board.
+`set` is the commanded value, `true` the reading of a multimeter, and `shown` the value that the board measured. The
+offsets stay. docs/sma-reference.md, "Calibration", has the equations of the board.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from smadrive.modbus.client import ModbusClient
 from smadrive.rig.ports.board_port import open_board
 
 GAINS = (0.75, 1.25)
+"""Lowest and highest gain that is written to a board."""
 LEAST_A, LEAST_V = 0.02, 0.5
-"""Below these readings the offsets and the steps of the meters matter too much for a gain."""
+"""Lowest readings for a gain. At lower readings the offsets and the resolution of the meters matter too much."""
 _GIVEN = {"source_gain": "--current", "current_gain": "--current", "voltage_gain": "--voltage"}
 """The option from which each gain follows."""
 _UNIT_HINTS = {
@@ -30,7 +32,12 @@ _READ = ("current_gain", "current_offset", "voltage_gain", "voltage_offset", "so
 
 
 class HeldCurrent(NamedTuple):
-    """A current that the board held: set, shown by the board, and shown by multimeters. In A and V."""
+    """A current that the board held, in A, and the voltage across its load, in V.
+
+    set_a                 current that the board was set to
+    shown_a, shown_v      values that the board measured
+    true_a, true_v        readings of the multimeters
+    """
 
     set_a: float
     shown_a: float
@@ -40,7 +47,10 @@ class HeldCurrent(NamedTuple):
 
 
 def new_gains(constants: Mapping[str, float], held: HeldCurrent) -> dict[str, float]:
-    """Return the gains that correct the board, by register. ConfigError if readings are too low, or a gain too far."""
+    """Return the gains that correct the board, by register.
+
+    ConfigError if a reading is below `LEAST_A` or `LEAST_V`, or a gain outside `GAINS`.
+    """
     if min(held.set_a, held.shown_a, held.true_a) < LEAST_A or min(held.shown_v, held.true_v) < LEAST_V:
         cure = f"hold at least {LEAST_A:g} A, with at least {LEAST_V:g} V across the resistor"
         raise ConfigError("the readings are too low for a calibration", value=str(held), cure=cure)
@@ -65,7 +75,8 @@ def new_gains(constants: Mapping[str, float], held: HeldCurrent) -> dict[str, fl
 def calibrate_board_at(port: str, held: HeldCurrent) -> dict[str, float]:
     """Write new gains into the board at `port` and save them. Return the gains by register.
 
-    ConfigError for gains that cannot be right; BusyError when the port is in use. ExceptionReply while it is armed.
+    ConfigError for the reasons of `new_gains`; BusyError when the port is in use; ExceptionReply while the board is
+    armed.
     """
     with open_board(port) as (transport, profile):
         device = Device(profile, ModbusClient(transport))

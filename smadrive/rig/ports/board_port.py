@@ -14,7 +14,7 @@ from smadrive.rig.ports.discovery import port_url
 PROFILE = "sma-reference:map_version=2"
 
 BOOT_MS = 5000.0
-"""Many boards restart when their port is opened. This is the longest time until they answer."""
+"""Longest time in ms until a board answers. Many boards restart when their port is opened."""
 
 
 @contextmanager

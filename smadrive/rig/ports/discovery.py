@@ -16,10 +16,10 @@ class DiscoveredDevice:
     """A device that answered a scan.
 
     unit_id     unit id on the line; None for a device without one
-    line        line settings as text, for example `115200 8N1`
+    line        line settings as text, for example `115200 8N1`; empty if the URL sets them or leads over a network
     url         URL of the port, with the line settings
     proved      profiles that the answers of the device prove
-    possible    profiles that the answers do not exclude, if they prove none
+    possible    profiles that the answers do not exclude; empty if a profile is proved
     """
 
     unit_id: int | None

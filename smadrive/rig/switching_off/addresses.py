@@ -1,8 +1,7 @@
 """Finds the addresses in the text of a rig file, however wrong the file is.
 
 A driver can be asked to stop as soon as its line is known. So a mistake in a profile, in a header or in the quotes of a
-value must not keep a driver running. An address that is found here is never used to write to a device: only the drivers
-of its line are asked to stop.
+value must not keep a driver running. The addresses serve only to ask drivers to stop, never to write to a device.
 """
 
 from __future__ import annotations
@@ -16,17 +15,18 @@ from smadrive.modbus.transports.connect import port_of
 
 _URL = re.compile(r"\b(?:serial|tcp|rtu\+tcp)://[^\s\"'#,}\]]+")
 _PATH = re.compile(r"[=\s\"'](/[^\s\"'#,}\]]+)")
-"""A path without its scheme. It is taken for a serial port: nothing listens at the name of any other path."""
+"""A path without a scheme, taken for a serial port. A path of another file does no harm: no driver listens there."""
 _COMMENT = re.compile(r"#.*")
 _UNIT_ID = re.compile(r"\bunit_id\s*=\s*(\d+)")
 MOST_ADDRESSES = 64
-"""A text with more addresses is no rig file."""
+"""Further addresses of a text are ignored. No rig file has as many."""
 
 
 def keys_in(text: str) -> tuple[DeviceKey, ...]:
-    """Return a key for each address in the text and each unit id that a device there may have.
+    """Return one key for each pair of an address and a unit id in the text.
 
-    These are all unit ids in the text, and 1. Comments, and addresses that name no port, are left out.
+    The unit id 1 is always used, too, because a text may have none. Comments are ignored, and so are addresses that
+    name no port.
     """
     text = _COMMENT.sub("", text)
     unit_ids = {1, *map(int, _UNIT_ID.findall(text))}

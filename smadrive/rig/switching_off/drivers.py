@@ -1,6 +1,7 @@
 """Finds and stops the drivers of a rig for `off`. A driver is a process that controls devices.
 
-Two programs on one line would take each other's replies for their own.
+`off` asks the driver of a line to stop before it uses the line, because two programs on one line would take each
+other's replies for their own.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from smadrive.errors import SafetyError
 from smadrive.rig.switching_off.each import each
 
 MOST_LATE = 4
-"""`off` gives up after this number of rounds with new drivers: the user must end the program that starts them."""
+"""`off` gives up after this number of rounds that stopped a driver. The user must end the program that starts them."""
 
 
 def stop_drivers(keys: Iterable[DeviceKey]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
     """Stop the drivers that use the lines of the devices with these keys.
 
     Return the stopped drivers, and the first error or None. All drivers share one deadline, `ANSWERS_WITHIN_S` after
-    the call. A driver that listens at several names of a line is returned once.
+    the call. A driver that listens at several names is returned once.
     """
     lines = {name: line for key in keys for name, line in _names_and_lines(key)}
     deadline_s = time.monotonic() + ANSWERS_WITHIN_S
@@ -40,11 +41,11 @@ def stop_drivers(keys: Iterable[DeviceKey]) -> tuple[tuple[StoppedDriver, ...], 
 def stop_late_drivers(
     keys: Sequence[DeviceKey], confirm_again: Callable[[], object]
 ) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
-    """Stop the drivers that started between `stop_drivers` and the lock of the line, until no driver is left.
+    """Stop the drivers that started after `stop_drivers` and before `off` locked the line, until no driver is left.
 
-    Call `confirm_again` after each round. Return the stopped drivers, and the first error of the last round, or None. A
-    driver of another user can start at any time, because locks are per user. SafetyError when every one of `MOST_LATE`
-    rounds has found a driver.
+    Call `confirm_again` after each round that stopped a driver. Return the stopped drivers, and the first error of the
+    last round, or None. A driver of another user can start at any time, because locks are per user. SafetyError when
+    each of `MOST_LATE` rounds has stopped a driver.
     """
     stopped: tuple[StoppedDriver, ...] = ()
     for _ in range(MOST_LATE):
@@ -62,6 +63,6 @@ def stop_late_drivers(
 
 
 def _names_and_lines(key: DeviceKey) -> list[tuple[str, str]]:
-    """Return pairs: a name at which a driver of the device may listen, and the line."""
+    """Return pairs: a name at which a driver of the device may listen, and the line that this driver uses."""
     names = ((name, line) for line in lines_of(key) for name in names_of_line(line, key))
     return [(listening, line) for name, line in names for listening in alternative_names(name)]

@@ -18,7 +18,7 @@ def waiting_guardians() -> list[str]:
 def notes_waiting_guardians() -> Iterator[None]:
     """Add a note for each waiting guardian to an error in the `with` block.
 
-    If a device does not answer, a guardian may wait for this device.
+    The device that caused the error may be the one that a guardian waits for.
     """
     try:
         yield

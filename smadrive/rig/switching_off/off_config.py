@@ -1,4 +1,7 @@
-"""The parts of a rig file that `off` needs: the addresses of the devices. The rest of the file may be wrong."""
+"""The parts of a rig file that `off` needs: devices with their addresses, and the current limit if it can be read.
+
+The rest of the file may be wrong.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,13 @@ CURE = "write [[devices]] above each device"
 
 
 class OffConfig(NamedTuple):
-    """The subset of a rig file that `off` needs. `current_max_a` is infinite when the limits cannot be read.
+    """The subset of a rig file that `off` needs.
 
-    `devices` are the devices that can be read, and `keys` are those of all addresses in the text of the file.
-    `mistakes` are errors of the file outside its devices. `device_mistake` is the first error in its devices, so an
-    address may be wrong, or a device may be missing; it is None for a file without such an error.
+    devices           the devices that can be read
+    keys              keys of all addresses in the text of the file (see `keys_in`)
+    current_max_a     current limit in A; infinite if the limits cannot be read
+    mistakes          TOML errors of the file outside its devices
+    device_mistake    first error in the devices, so an address may be wrong or a device may be missing; None: no error
     """
 
     name: str
@@ -59,7 +64,10 @@ def load_off_config(name: str) -> OffConfig:
 
 
 def _devices(given: Any, where: str) -> tuple[list[DeviceConfig], list[ConfigError]]:
-    """Return the devices that are valid, and an error for each other one. A single table counts as a list of one."""
+    """Return the valid devices, and an error for each invalid device.
+
+    A single table is used as one device, and gives an error, too.
+    """
     tables = given if isinstance(given, list) else [given]
     devices, errors = list[DeviceConfig](), list[ConfigError]()
     if not isinstance(given, list):
@@ -80,5 +88,5 @@ def _current_max_a(tables: dict[str, Any]) -> float:
 
 
 def _address_keys(device: Any) -> Any:
-    """Return a device with only its address keys. A value of a wrong type stays, and the validation reports it."""
+    """Return a device with only `ADDRESS_KEYS`. If `device` is no table, return it as it is: its validation fails."""
     return {key: device[key] for key in ADDRESS_KEYS if key in device} if isinstance(device, dict) else device

@@ -1,11 +1,12 @@
 """Switching off: every device of a rig enters its safe state; the heat source is the first.
 
 A driver that uses the line of a device is asked to stop first, because two programs on one line would take each other's
-replies for their own. It is asked at every address in the text of the rig file, also if a device there cannot be read.
+replies for their own. If a device in the rig file cannot be read, the drivers at every address in the text of the file
+are asked.
 
 Switching off must work whatever else is broken. It needs no wire, no limits, no sensor and no guardian. So only the
-addresses of the devices are read from the rig file. If one device cannot be read or reached, every other device still
-enters its safe state.
+devices and, if possible, the current limit are read from the rig file. If one device cannot be read or reached, every
+other device still enters its safe state.
 """
 
 from __future__ import annotations
@@ -41,15 +42,15 @@ from smadrive.safety.shutdown import ShutdownOutcome, carry
 class SwitchedOff:
     """The outcome of switching off.
 
-    stopped      drivers that were stopped first
-    refused      the first error of a driver that could not be stopped, so that it may heat again
-    devices      devices that confirmed their safe state; all devices that heat are among them
-    simulated    those of `devices` that this process simulates (sim://): other processes have simulated devices of
-                 their own, which were not stopped
+    stopped      drivers that were stopped
+    refused      first error of a driver that could not be stopped, and may heat again; None without such an error
+    devices      names of the devices that confirmed their safe state, among them all devices that heat
+    simulated    names of the `devices` that this process simulates (sim://); simulated devices of other processes are
+                 not switched off
     latched      faults that stay latched
-    warnings     failures after the heat sources were confirmed off, and errors of the rig file outside its devices
+    warnings     TOML errors of the rig file outside its devices, and guardians that could not be relieved
     displaced    guardians that wait at a port of this rig for another device, which may still heat elsewhere
-    failure      first error in the devices of the rig file, or of a device that does not heat
+    failure      first error in the devices of the rig file, or else of a device that does not heat; None without error
     """
 
     rig: str
@@ -67,7 +68,7 @@ class SwitchedOff:
 class _SourceOff:
     """A heat source that is confirmed off, with its key (None if simulated), its trip latch and its faults.
 
-    `confirm_again` switches it off and confirms it once more.
+    `confirm_again` switches the source off and confirms it off once more.
     """
 
     name: str
@@ -81,8 +82,9 @@ class _SourceOff:
 def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
     """Put every device of the rig file `name` into its safe state, confirmed by read-back. Then clear faults if asked.
 
-    An error before the heat sources are confirmed off carries a ShutdownOutcome that is not confirmed. The first
-    signals during this time have no effect (see HeldSignals). SafetyError when a fault persists.
+    If a heat source cannot be confirmed off, the reason is raised after all other devices were tried. An error before
+    all heat sources are confirmed off carries a ShutdownOutcome that is not confirmed. The first signals during this
+    time have no effect (see HeldSignals). SafetyError when a fault that must be cleared persists.
     """
     with ExitStack() as stack:
         stopped: list[StoppedDriver] = []
@@ -169,7 +171,7 @@ def _confirm_off(source: HeatSource, current_max_a: float, clock: Clock) -> Supp
 def _enter_safe_state(device: PlannedDevice, connections: Connections) -> str:
     """Write the safe state of a device that does not heat the wire, and return its name.
 
-    It may still heat something else, as a temperature controller does.
+    Such a device may be a temperature controller, which heats something else.
     """
     opened = connections.device(device)
     opened.check_identity()
@@ -188,7 +190,7 @@ def _relieve_guardians(off: Iterable[_SourceOff]) -> Iterator[str]:
 
 
 def _displaced(off: Iterable[_SourceOff]) -> Iterator[str]:
-    """Yield a text for each guardian whose device was at one of these ports: another device has answered there now."""
+    """Yield a text for each guardian that waits at one of these ports for a device other than the one found there."""
     with suppress(SafetyError):  # without the state folder the guardians are unknown, and `off` warns of that
         duties = waiting_duties()
         for key in (one.key for one in off if one.key is not None):

@@ -95,7 +95,7 @@ class RunComparison:
         return differing_settings(self.logs)
 
     def differences(self) -> list[dict[str, float]]:
-        """Return one dict for each run: name of a metric to the metric minus that of the first run."""
+        """Return one dict for each run: name of a metric to its value minus its value in the first run."""
         names = [field.name for field in fields(ComparedMetrics) if field.name != "kind"]
         first = self.metrics[0]
         return [{name: getattr(run, name) - getattr(first, name) for name in names} for run in self.metrics]

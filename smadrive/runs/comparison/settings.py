@@ -24,7 +24,7 @@ BALANCE = "heat balance: "
 """The names of the values of a model, and of its heat balance, begin with these texts."""
 
 PLAIN = ("inverse", "controller", "seed", "machine")
-"""Names of the metadata texts that are settings without a conversion."""
+"""Names of the metadata texts that are shown as settings without a change."""
 
 
 def differing_settings(logs: Sequence[Log]) -> dict[str, tuple[str, ...]]:
@@ -91,7 +91,7 @@ def _settings(log: Log) -> Iterator[tuple[str, str]]:
 
 
 def _experiment(log: Log) -> Iterator[tuple[str, str]]:
-    """Yield (name, text) for reference, excitation or step, without the path from the wire's first state."""
+    """Yield (name, text) for reference, excitation or step. The path from the first state of the wire is left out."""
     if "reference" in log.metadata:
         yield from _reference(reference_of(log))
     if "excitation" in log.metadata:
@@ -104,7 +104,7 @@ def _experiment(log: Log) -> Iterator[tuple[str, str]]:
 
 
 def _plain(value: Any) -> Iterator[tuple[str, str]]:
-    """Yield (path, text) like `set_values`, but texts without quotation marks and numbers with five digits."""
+    """Yield (path, text) like `set_values`, but texts without quotation marks and floats with five digits."""
     for name, text in set_values(value):
         inner = json.loads(text)
         yield name, f"{inner:.5g}" if isinstance(inner, float) else inner if isinstance(inner, str) else text

@@ -1,6 +1,6 @@
 """The rest of a cycling run that ended early: reference, wire and remaining cycles, from the log of the previous part.
 
-This log is only read. The continuation writes a log of its own.
+The log of the previous part stays unchanged. The continuation writes a log of its own.
 """
 
 from __future__ import annotations

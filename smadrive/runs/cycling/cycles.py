@@ -1,8 +1,8 @@
 """The metrics of each cycle of a run that repeats its reference.
 
-A cycle is one repetition of the reference. The first part of a run and its continuations have one numbering: the log of
-a continuation holds the metrics of the cycles before it. The resistance at rest is measured near the cold end of the
-reference, from samples with enough current; it includes leads and clamps.
+A cycle is one repetition of the reference. A continuation goes on with the numbers of the previous part, and its log
+holds the metrics of all earlier cycles. The resistance at rest is measured near the cold end of the reference, from
+samples with enough current; it includes leads and clamps.
 """
 
 from __future__ import annotations
@@ -40,9 +40,13 @@ EVENT = "cycle "
 
 @dataclass(frozen=True)
 class CycleMetrics:
-    """The metrics of one cycle; errors in % of the model's stroke. Unknown values are NaN.
+    """The metrics of one cycle. Unknown values are NaN.
 
-    `cycle` counts from 1. `rest_ohm` is the resistance at rest.
+    cycle                       number of the cycle, from 1
+    stroke_mm                   highest minus lowest measured displacement
+    rms_percent, max_percent    RMS and largest tracking error, in % of the model's stroke
+    rest_ohm                    resistance at rest
+    energy_j                    electrical energy that the wire received
     """
 
     cycle: int
@@ -94,10 +98,7 @@ def cycling_of(log: Log) -> Cycling | None:
 
 
 def cycles_of(log: Log) -> list[CycleMetrics]:
-    """Return the metrics of each complete cycle, including the previous parts.
-
-    The list is empty if the run repeats no reference.
-    """
+    """Return the metrics of each complete cycle, with those of the previous parts; empty for a run without cycles."""
     cycling = cycling_of(log)
     if cycling is None or not log.column("time_s").size:
         return []
@@ -134,7 +135,7 @@ class CycleEvents:
         self._values = array("d")  # turns into rows without a copy, so that a long cycle makes no tick late
 
     def tick(self, tick: Tick) -> None:
-        """Take one tick, and write an event if it is the first tick of the next cycle."""
+        """Take one tick. If it is the first tick of a new cycle, write the event of the cycle before."""
         number = int(_numbers(self._reference, np.array([tick.time_s]))[0])
         if number > self._number:
             self.finish()

@@ -12,7 +12,7 @@ from smadrive.runs.figures.log_plots import draw_branches
 from smadrive.runs.plot_style import COOLING, ESTIMATED, HEATING, RECORD, STYLE, PlotFigure, legend, line, panels
 
 DOTS = 700
-"""A plot of the loop shows about this number of recorded samples."""
+"""A plot shows every n-th recorded sample: n = max(1, samples // DOTS)."""
 
 
 def loop_figure(fit: AnyFit, axes: tuple[str, str]) -> PlotFigure:
@@ -56,7 +56,7 @@ def residual_figure(fit: AnyFit, input_name: str) -> PlotFigure:
 
 
 def resistance_figure(fit: ResistanceFit) -> PlotFigure:
-    """Return the figure of the measured and the fitted resistance over the phase, and of the residual."""
+    """Return the figure of measured and fitted resistance over the phase, and of the residual over the temperature."""
     every = max(1, fit.ohm.size // DOTS)
     phase, ohm = fit.phase[::every], fit.ohm[::every]
     places = zip(fit.temperature_c[::every].tolist(), phase.tolist(), strict=True)

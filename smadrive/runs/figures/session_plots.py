@@ -22,7 +22,7 @@ _COLOURS = {
 """The colours of the modes, in the order of the legend."""
 
 MOST_NUMBERS = 40
-"""Up to this number of changes, the plot shows the number of each change."""
+"""If a session has more changes, the plot shows the changes without their numbers."""
 
 
 def session_plot(log: Log) -> Plot:

@@ -30,13 +30,13 @@ NAMES = {
 """Name and unit of each quantity of `QUANTITIES`."""
 
 HEADER = ("", "identified", "last run", "drift", "tracking error")
-"""The last column is the tracking error that the drift causes, without a displacement sensor."""
+"""The last column is the tracking error that the drift causes in a run without a displacement sensor."""
 
 
 class Assessment(NamedTuple):
     """The health of a wire, the entries of its record, and the reasons to distrust them.
 
-    `health` is None for a wire without a record.
+    `health` is None if the wire has no record, or if the record or the wire file cannot be read.
     """
 
     health: WireHealth | None
@@ -47,8 +47,8 @@ class Assessment(NamedTuple):
 def assess(wire_file: Path, feedback: FeedbackConfig) -> Assessment:
     """Return the assessment of the wire in `wire_file`.
 
-    `feedback` holds the closed-loop time and the noise of the thermocouple. A record that cannot be read is a caveat.
-    Raises the errors of `load_wire`.
+    `feedback` holds the closed-loop time and the noise of the thermocouple. If the record cannot be read, `health` is
+    None and the reason is a caveat. Raises the errors of `load_wire`.
     """
     wire, now = load_wire(wire_file), identification_entry(wire_file)
     try:
@@ -69,9 +69,9 @@ def assess(wire_file: Path, feedback: FeedbackConfig) -> Assessment:
 
 
 def assessment_of(log: Log) -> Assessment | None:
-    """Return the assessment of the wire of a run, as it is now; None without the file of the wire.
+    """Return the present assessment of the wire of a run; None if the file of the wire is unknown or missing.
 
-    A wire file that cannot be used any more is a caveat.
+    If the wire file cannot be used, `health` is None and the reason is a caveat.
     """
     wire_file = Path(log.metadata.get(WIRE_FILE, ""))
     if not wire_file.is_file():
@@ -130,7 +130,7 @@ def _error_text(drift: Drift) -> str:
 
 
 def health_lines(health: WireHealth) -> Iterator[str]:
-    """Yield the sentences about the health of a wire: the verdict, the runs, and how far its models have moved."""
+    """Yield the sentences about the health of a wire: verdict, runs, drift per 100 cycles, and moves of the models."""
     yield str(health)
     yield f"{health.runs} runs and {health.cycles:.4g} cycles since the identification, {health.all_cycles:.4g} in all"
     for name, drift in health.drifts.items():

@@ -1,4 +1,4 @@
-"""The entries of a health record: one of a wire file, and one of a run, from its log."""
+"""Makes the entries of a health record: from a wire file, and from the log of a run."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ TRIPPED = "TripError"
 """The first word of `Log.ended_by` after a trip."""
 
 CYCLE = 0.1
-"""A travel of more than this share of the stroke is half a cycle."""
+"""A movement in one direction by more than this share of the stroke is half a cycle."""
 
 POINTS = 2000
 """Number of points of a branch in the search for its middle."""
 
 MOST_ROWS = 20_000
-"""The loop is fitted to the last rows of a longer run: they show the wire as it is now."""
+"""Of a run with more rows, the loop is fitted to the last `MOST_ROWS`, which show the present state of the wire."""
 
 
 def key_of(model: IdentifiedModel) -> str:
@@ -71,7 +71,7 @@ def identification_entry(wire_file: Path) -> HealthEntry:
 def run_entry(log: Log, wire_file: Path) -> HealthEntry:
     """Return the entry of the run in `log`, on the wire in `wire_file`.
 
-    A tracking run or a tuning session is compared with the model in its log, an excitation with the wire file.
+    A run whose log holds a model is compared with this model, an excitation with the model in the wire file.
     """
     config = rig_config_of(log)
     wire = wire_of(log) if "wire" in log.metadata else load_wire(wire_file)
@@ -100,10 +100,10 @@ def run_entry(log: Log, wire_file: Path) -> HealthEntry:
 
 
 def loop_shape(model: IdentifiedModel, identified: IdentifiedModel | None = None) -> LoopShape:
-    """Return the temperatures at which the branches of `model` pass the middle of the stroke, and its stroke.
+    """Return the stroke of `model`, and the temperatures at which its branches pass the middle of the travel.
 
-    With `identified`, the middle is that of the stroke of this model. This is right for an adapted model: few runs
-    visit the ends of the branches, so its own stroke is uncertain.
+    With `identified`, the middle is taken from the travel of `identified`. Use this for an adapted model: few runs
+    visit the ends of the branches, so the ends of an adapted model are uncertain.
     """
     v = np.linspace(*model.input_range, POINTS)
     middle_mm = 0.5 * sum(travel_mm(identified or model))
@@ -113,7 +113,7 @@ def loop_shape(model: IdentifiedModel, identified: IdentifiedModel | None = None
 
 
 def cycles_of_path(moved_mm: FloatArray, stroke_mm: float) -> float:
-    """Return the number of cycles along a path of displacements: half the number of travels of more than `CYCLE`."""
+    """Return the number of cycles along a path: half the number of movements by more than `CYCLE` of the stroke."""
     path_mm = moved_mm[np.isfinite(moved_mm)]
     if len(path_mm) < 2:
         return 0.0
@@ -159,7 +159,7 @@ def _measured_rest(log: Log, wire: WireModel, config: RigConfig) -> RestResistan
 
 
 def _tracking_percent(log: Log) -> tuple[float, float]:
-    """Return RMS and largest tracking error in % of the stroke; NaN for a run without setpoints."""
+    """Return RMS and largest tracking error in % of the stroke; NaN if no sample has setpoint and displacement."""
     if "wire" not in log.metadata:
         return nan, nan
     error = error_percent(log)

@@ -1,6 +1,6 @@
 """Adds a run to the health record of its wire. The record is a side product: no failure here makes a run fail.
 
-The log of the run names the wire file. The entry is made from the log after the run, so the loop accesses no file.
+The log of the run names the wire file. The entry is made from the log after the run, so it does not delay the loop.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from smadrive.wire.health.record import append_entries, read_health
 def health_recorded(log_file: Path, warn: Callable[[Iterable[str]], None]) -> Iterator[None]:
     """Add the run in `log_file` to the record of its wire at the end of the `with` block, however the run ends.
 
-    `warn` is called with the reason if that is impossible.
+    `warn` is called with the reason if the run cannot be added, otherwise with an empty tuple.
     """
     try:
         yield
@@ -31,7 +31,7 @@ def health_recorded(log_file: Path, warn: Callable[[Iterable[str]], None]) -> It
 
 
 def record_health(log_file: Path) -> tuple[str, ...]:
-    """Add the run in `log_file` to the health record of its wire. Return the reason if that is impossible.
+    """Add the run in `log_file` to the health record of its wire. If that is impossible, return the reason.
 
     Nothing is added for a run without rows, and for a wire without a file.
     """

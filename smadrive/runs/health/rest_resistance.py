@@ -1,12 +1,12 @@
 """The resistance at rest of a wire, measured over a whole run.
 
-The wire is at rest when it is cold and without current, and then it has no voltage to measure. So the resistance at
-rest follows from the samples with current: each is divided by the resistance that the model has at its phase w,
+A wire at rest is cold and has no current, so its resistance cannot be measured. The resistance at rest therefore
+follows from samples with current. The heat balance gives the resistance R(w) at the phase w of each sample:
 
-    R_rest = R_cold · Σ V I / Σ I² R(w)/R_cold            over blocks of `BLOCK_S`, then the median of the blocks
+    R_rest = Σ V I / Σ (I² R(w) / R_cold)            over blocks of `BLOCK_S`, then the median of the blocks
 
 The sums weigh a sample by its power, because an offset of voltage or current matters most at a small current. The
-result includes leads and contacts, as the identified resistance does.
+result and the identified resistance both include leads and contacts.
 """
 
 from __future__ import annotations
@@ -25,7 +25,12 @@ from smadrive.wire.wire_model import WireModel
 
 
 class RestResistance(NamedTuple):
-    """Resistance at rest in Ω, its mean temperature in °C, and the largest deviation of a block from it, as a share."""
+    """The resistance at rest of a run. Unknown values are NaN.
+
+    ohm       resistance at rest, Ω
+    at_c      mean temperature of the samples, °C
+    spread    largest deviation of a block from the resistance at rest, as a share
+    """
 
     ohm: Estimate = Estimate()
     at_c: float = nan
@@ -43,7 +48,7 @@ class HeatedSamples(NamedTuple):
 
 
 def rest_resistance(wire: WireModel, samples: HeatedSamples) -> RestResistance:
-    """Return the resistance at rest of `wire`; unknown values for a run with less than two blocks of samples."""
+    """Return the resistance at rest of `wire`; unknown if fewer than two blocks have `LEAST_SAMPLES` samples."""
     cold_ohm = wire.balance.resistance_cold_ohm
     phase = np.clip((samples.displacement_mm - wire.cold_mm) / wire.travel_mm, 0.0, 1.0)
     expected = 1.0 + wire.balance.resistance_change * phase
@@ -63,6 +68,6 @@ def rest_resistance(wire: WireModel, samples: HeatedSamples) -> RestResistance:
 
 
 def _relative_error(deviation: FloatArray) -> float:
-    """Return the standard error of the level of the blocks. Neighbouring blocks are correlated."""
+    """Return the standard error of the mean of the blocks, which allows for the correlation of neighbouring blocks."""
     alike = min(max(neighbour_correlation(deviation - deviation.mean()), 0.0), 0.99)
     return float(np.std(deviation)) * sqrt((1.0 + alike) / (1.0 - alike) / len(deviation))

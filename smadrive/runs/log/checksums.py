@@ -3,7 +3,7 @@
 HDF5's own Fletcher-32 filter has one checksum for a whole chunk of rows. During a run, that chunk would be unreadable
 between the writing of a row and the writing of the checksum. So a log has checksums of its own. These checksums are
 computed from the content, not from the bytes of the file. So they also reveal damage to the file's structure that
-changes the content. The value 0 marks a checksum that was never written.
+changes the content. The value 0 marks a checksum that was never written; a checksum of 0 is stored as 1.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ VALUE = np.dtype("<f8")
 def row_sums(block: NDArray[np.float64], first_row: int) -> Sums:
     """Return the checksum of each row in `block`, whose columns are in alphabetical order of their names.
 
-    `first_row` is the number of the first row in the log, which counts rows from 0. The number of a row is part of its
-    checksum, so a row in a wrong place does not agree with the checksum there.
+    `first_row` is the number of the first row of `block` in the log, counted from 0. The number of a row is part of its
+    checksum, so a row in a wrong place does not agree with the checksum of this place.
     """
     rows = memoryview(block.astype(VALUE).tobytes())
     size = VALUE.itemsize * block.shape[1]

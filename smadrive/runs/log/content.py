@@ -26,7 +26,7 @@ Events = list[tuple[float, str]]
 UNCHECKED = {"start_time", "end_time", "program_name", "about", "events", "data"}
 """The members of `/entry` in the first logs of version 0.1, which have no checksums.
 
-A log with other members once had checksums; if they are missing, the log is damaged.
+A log with other members was written with checksums. If the checksums are missing, the log is damaged.
 """
 
 UNCHECKED_VERSION = "0.1.0"
@@ -169,7 +169,7 @@ def _verified_events(events: _RawEvents, sums: Sums) -> Events:
 
 
 def _written(sums: Sums, what: str) -> int:
-    """Return the number of written checksums of `what`. DamageError when a checksum between them is missing."""
+    """Return the number of written checksums of `what`. DamageError when a checksum before the last one is missing."""
     count = int(np.count_nonzero(sums))
     if not sums[:count].all():
         raise DamageError("checksums are missing", place=what)

@@ -15,7 +15,7 @@ class DamageError(Exception):
 
 
 class ForeignContentError(Exception):
-    """The file refers to content outside of itself, or claims more bytes, levels or links than a log can have."""
+    """The file refers to content outside of itself, uses a filter, or has more bytes, levels or links than any log."""
 
 
 class NewerLayoutError(Exception):

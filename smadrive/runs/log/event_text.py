@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 CONTINUED = "…"
-"""First character of each part of a text after the first part. Other readers show such a part as an event."""
+"""First character of each part of a text after the first part. Other HDF5 readers show each part as one event."""
 
 
 def parts_of(text: str, most_bytes: int) -> list[bytes]:

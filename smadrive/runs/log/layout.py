@@ -3,7 +3,7 @@
 The names follow NeXus, a convention for scientific data. The texts that smadrive reads back have a fixed length: HDF5
 stores texts of variable length in heaps, and may loop for ever in a damaged heap.
 
-/                       NXroot: attributes `layout`, `checksums`; a link to every column, which plain readers find here
+/                       NXroot: attributes `layout`, `checksums`; a link to every column, for readers without NeXus
 /entry                  NXentry: start_time, end_time (empty until the run has ended), program_name
 /entry/data             NXdata: the columns along `time_s`, float64, each with its `units` and `long_name`
 /entry/metadata         NXcollection: texts such as rig, wire and versions, as JSON where they are structured
@@ -49,7 +49,7 @@ _NOW_BYTES = 32
 
 
 def create_log(path: Path, columns: Sequence[str], metadata: Mapping[str, str], rows: int) -> None:
-    """Create the file at `path` with its metadata, and with room for at least `rows` rows, which read NaN."""
+    """Create the file at `path` with its metadata, and with room for at least `rows` rows, filled with NaN."""
     started, program_version = time_text(), version("smadrive")
     room = -(-rows // CHUNK_ROWS) * CHUNK_ROWS
     with h5py.File(path, "w") as file:

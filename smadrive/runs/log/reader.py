@@ -32,7 +32,7 @@ ENDED_BY = "ended by "
 """The first words of the event that gives the cause of the early end of a run."""
 
 INTERRUPTION, STOP = "interruption", "emergency stop"
-"""The first words of a cause that the user wanted: a signal, or an emergency stop."""
+"""The first words of the cause if the user has ended the run, by a signal or by an emergency stop."""
 
 RESTORE = "restore the log from a copy, or record it again"
 COPY_AGAIN = "copy the whole file again, or record it again; was the disk full, or the copy interrupted?"
@@ -43,7 +43,10 @@ _CUT = re.compile(r"truncated file: eof = (?P<found>\d+),.* stored_eof = (?P<sto
 
 
 class RunEvent(NamedTuple):
-    """An event of a run. `time_s` is the time of the last row before the event."""
+    """An event of a run.
+
+    `time_s` is the time of the last row before the event. Events of a tuning session have their own time.
+    """
 
     time_s: float
     message: str
@@ -53,9 +56,11 @@ class RunEvent(NamedTuple):
 class Log:
     """The content of a log file.
 
-    `columns` are arrays of the same length by their names. `metadata` are texts by their names, for example rig, wire,
-    reference and versions. `end_time` is empty if the writer was killed, or still writes. `version` is the version
-    of smadrive that wrote the log. `has_checksums` is True if checksums have verified the content.
+    columns          arrays of the same length, by the name of the column
+    metadata         texts by their names, for example rig, wire, reference and versions
+    end_time         empty if the writer was killed, or still writes
+    version          version of smadrive that wrote the log
+    has_checksums    True if checksums have verified the content
     """
 
     path: Path

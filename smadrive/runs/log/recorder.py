@@ -72,7 +72,7 @@ class Recorder:
             self.flush()
 
     def event(self, message: str, time_s: float | None = None) -> None:
-        """Write an event into the file at once. Without `time_s`, the event gets the time of the last row or event."""
+        """Write an event into the file at once. By default, `time_s` is the latest time of a row or an event."""
         self.flush()
         latest_s = max([self._now_s, *(event.time_s for event in self.latest)])
         event = RunEvent(latest_s if time_s is None else time_s, message)

@@ -38,7 +38,7 @@ def check_self_contained(file: h5py.File, size: int) -> None:
 
 
 def _is_alias(file: h5py.File, name: str) -> bool:
-    """Return True if `name` is one of the links at the root of a log, each of which leads to a column."""
+    """Return True if `name` is a link at the root that leads to the column of this name. Every log has such links."""
     link = file.get(name, getlink=True)
     return isinstance(link, h5py.SoftLink) and link.path == f"/entry/data/{name}"
 

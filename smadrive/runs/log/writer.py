@@ -1,9 +1,9 @@
 """Writes the file of a log: HDF5 creates the file with room for all rows, and plain writes fill in the rows.
 
 HDF5 needs milliseconds for a row of many columns. It leaves an unreadable file when the process is killed while HDF5
-changes the structure of the file, and it cannot close a file on a full disk. So HDF5 takes no part in the run: it
-creates the whole file before the run, fills all columns with NaN, and closes the file. A disk without room is noticed
-before anything is heated. Then each row is written to the place that HDF5 has assigned to the row.
+changes the structure of the file, and it cannot close a file on a full disk. So HDF5 creates the whole file before the
+run, fills all columns with NaN, and closes the file. A full disk is noticed before anything is heated. During the run,
+each row is written without HDF5, to the place that HDF5 has assigned to the row.
 
 So during the run, the file is a complete HDF5 file that any reader opens; rows that are not written yet read NaN. HDF5
 opens the file again when the log is full, to add room for `GROWTH_ROWS` rows or `EVENT_ROWS` events, and at the end, to
@@ -44,7 +44,7 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 class Field:
-    """A dataset with one value for each row, and the places of its chunks in the file."""
+    """A dataset with one value for each row (or event), and the places of its chunks in the file."""
 
     def __init__(self, dataset: h5py.Dataset) -> None:
         self.name: str = dataset.name
@@ -109,7 +109,7 @@ class LogFile:
         return self._rows
 
     def append(self, block: NDArray[np.float64]) -> None:
-        """Append the rows of `block`, whose columns are those of the log, in the same order. The first is the time.
+        """Append the rows of `block`, which has the columns of the log in the same order. The first column is the time.
 
         The time is written after the other columns, and the checksum after the time: a row with a checksum is complete.
         """
@@ -154,7 +154,7 @@ class LogFile:
             os.close(self._handle)
 
     def discard(self) -> None:
-        """Close and remove the log of a run that recorded nothing. Another file that has replaced it stays."""
+        """Close and remove the log of a run that recorded nothing. A file that has replaced the log stays."""
         try:
             if self._is_in_place():
                 self._path.unlink(missing_ok=True)
