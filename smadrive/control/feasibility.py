@@ -39,7 +39,7 @@ SUBSTEPS = 3
 """Number of simulation steps of the wire per period of the loop."""
 
 JUMP = 20.0
-"""A reference that is more than this many times too fast has a jump; slowing it down does not help."""
+"""A reference that is more than this many times too fast counts as a jump; slowing it down does not help."""
 
 AT_END = 0.05
 """A path begins at an end of its span if its first value is nearer to this end than this share of the span."""
@@ -78,14 +78,16 @@ class SimulatedTick(NamedTuple):
 class Feasibility:
     """The result of a simulated run of a reference.
 
-    feasible, shortfall_mm                True if the largest error is at most `TOLERANCE` strokes; this error, mm
-    nearest                               reference that the wire can follow: the given one if it is feasible
-    stroke_mm                             stroke of the wire
-    at_s, in_approach, limit              time of the largest error, True if it is in the approach, cause of the error
-    setpoint_mm_per_s, reached_mm_per_s   mean rates of setpoint and wire while the wire fell behind
-    hottest_c, sections_c                 highest temperature of the run, sections of its temperature path
-    scored_s, span_mm, speed_mm_per_s     duration, span and mean speed of the reference after its approach
-    hot_start_mm                          displacement after the approach if it is the hot end of the span, else None
+    feasible                   True if the largest error is at most `TOLERANCE` strokes
+    nearest                    reference that the wire can follow: the given reference if it is feasible
+    shortfall_mm, at_s         largest error; its time
+    limit, in_approach         cause of the largest error; True if its time is in the approach
+    setpoint_mm_per_s          mean rate of the setpoint while the wire fell behind
+    reached_mm_per_s           mean rate of the wire while it fell behind
+    hottest_c, sections_c      highest temperature of the run; sections of its temperature path
+    stroke_mm, span_mm         stroke of the wire; span of the reference after its approach
+    scored_s, speed_mm_per_s   duration and mean speed of the reference after its approach
+    hot_start_mm               first displacement after the approach if it is at the hot end of the span, otherwise None
     """
 
     feasible: bool

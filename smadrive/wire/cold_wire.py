@@ -1,8 +1,9 @@
 """The reading of an unheated wire, compared with the ambient temperature of the wire file.
 
-A wire cannot be colder than its surroundings, and an unheated wire is not warmer for long. If the reading differs more
-from the ambient temperature, then the calibration of the thermocouple or `ambient_c` of the wire file is wrong. With a
-wrong calibration the reading may be far too low, and the wire would become hotter than the temperature limits allow.
+A wire cannot be colder than its surroundings, and an unheated wire is not warmer for long. If the reading differs from
+the ambient temperature by more than `COLD_WIRE_K`, the calibration of the thermocouple or `ambient_c` of the wire file
+is wrong. With a wrong calibration the reading may be far too low, and the wire would become hotter than the temperature
+limits allow.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ POINTS = 400
 """Number of temperatures at which a branch is examined."""
 
 ENDS = 0.03
-"""The outermost shares of the stroke are left out: there the temperature changes without the displacement."""
+"""This share of the stroke is left out at both ends: there the displacement hardly changes with the temperature."""
 
 
 class BranchResistance(NamedTuple):

@@ -9,8 +9,8 @@ The error e is in K: the error of the temperature, or the error of the heat cont
 
 T is the temperature, ξ the phase, a star marks a setpoint, m c is the heat capacity (J/K), and Q the latent heat (J).
 The heat content changes by the power minus the loss. So with Kp = m c / Tc this error decays with the chosen time
-constant Tc, also within the transformation. An error of the temperature alone decays more slowly there, by the factor
-1 + (Q / m c) dξ/dT.
+constant Tc, also within the transformation. An error of the temperature alone would decay more slowly within the
+transformation, by the factor 1 + (Q / m c) dξ/dT.
 
 With Ki = Kp / Ti the effect of a model error decays within about Ti. In the integral, e is limited to a small value,
 because a large error shows that the wire is still moving. At a limit of the command the integral stays constant

@@ -56,7 +56,7 @@ CALM = ProcessNoise(0.015, 0.2, 0.05)
 """Process noise in calm air."""
 
 DISTURBED = ProcessNoise(0.1, 20.0, 3.0)
-"""Process noise in a disturbance. A larger drift would follow a draft faster, but also the thermocouple's noise."""
+"""Process noise in a disturbance. With more drift the observer would follow a draft, but also the noise, faster."""
 
 PHASE_NOISE = 0.003
 """Error of the hysteresis model: standard deviation of the phase after one second."""

@@ -11,8 +11,8 @@ valid. A Kalman filter with one state gives the mean m and the variance P of a c
 does not average out, so P never falls below the variance that this error causes.
 
 A rig that was not touched has δ = 0 exactly, so a small m is more probably noise than a change. With the probability
-`CHANGED` of a change before the samples, and the prior variance P_0, the probability after the samples is (the Bayes
-factor is that of Savage and Dickey: Dickey, Ann. Math. Stat. 42, 1971)
+`CHANGED` of a change before the samples, and the prior variance P_0, the probability after the samples is p, by the
+Bayes factor of Savage and Dickey (Dickey, Ann. Math. Stat. 42, 1971):
 
     p = CHANGED / (CHANGED + (1 - CHANGED) sqrt(P_0/P) exp(-m²/2P))        δ = p m
 """

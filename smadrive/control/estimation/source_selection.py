@@ -19,7 +19,7 @@ The limit is `MOST_SHARE` strokes, or `MOST_NOISES` standard deviations of the d
 more. The sensor has failed after `FAILS_TICKS` implausible ticks in a row. If the sensor agrees with the model and the
 resistance does not, a contact has changed, and the sensor stays the source.
 
-    sensor --no reading--> resistance --sensor valid for RETURNS_TICKS ticks in a row, and agrees--> sensor
+    sensor --no reading, or implausible--> resistance --valid for RETURNS_TICKS ticks in a row, and agrees--> sensor
     sensor --implausible for FAILS_TICKS ticks in a row--> failed: the resistance, until the end of the run
 """
 

@@ -71,7 +71,7 @@ class Drift(NamedTuple):
 
     @property
     def is_significant(self) -> bool:
-        """True if the change in the last run exceeds its standard error so far that it is not chance."""
+        """True if the change in the last run exceeds `SIGNIFICANT` standard errors, so that it is not chance."""
         return _is_significant(self.change)
 
 
@@ -216,7 +216,7 @@ def _change(before: Estimate, now: Estimate) -> Estimate:
 
 
 def slope(cycles: Sequence[float] | np.ndarray, values: Sequence[Estimate]) -> Estimate:
-    """Return the slope of `values` over `cycles` by least squares, and its standard error from the scatter.
+    """Return the slope of `values` over `cycles` by least squares, and its standard error from their scatter.
 
     Unknown for fewer than three values, and if all have the same number of cycles.
     """

@@ -57,8 +57,8 @@ def health_file(wire_file: Path) -> Path:
 def read_health(wire_file: Path) -> HealthRecord:
     """Return the record of the wire in `wire_file`; it is empty if the file does not exist.
 
-    Entries that cannot be used are left out, and a caveat counts them. DataError when the file cannot be read, or has
-    no usable entry.
+    Entries that cannot be used are left out, and a caveat counts them. DataError when the file cannot be read, is too
+    large, or has only damaged lines; a single incomplete line is no error.
     """
     path = health_file(wire_file)
     content = _content(path)
@@ -125,7 +125,7 @@ def _caveats(name: str, newer: list[int], damaged: list[int], lines: int) -> Ite
     """Yield one sentence for each reason why entries are left out. `newer` and `damaged` are numbers of lines."""
     if damaged and damaged[-1] == lines:
         damaged = damaged[:-1]
-        yield f"{name}: the last entry is incomplete and left out, because its program was killed while it wrote"
+        yield f"{name}: the last entry is incomplete and left out: the program that wrote it was killed"
     if damaged:
         yield f"{name}: left out: {count_text(len(damaged), 'damaged line')}, the first is line {damaged[0]}"
     if newer:
