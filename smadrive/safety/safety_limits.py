@@ -22,8 +22,8 @@ class SafetyLimits:
     displacement_min_mm   lowest displacement, mm
     displacement_max_mm   highest displacement, mm
     tracking_max_mm       largest difference between setpoint and displacement, mm
-    tracking_for_s        longest time for which the difference may exceed `tracking_max_mm`, s, and for which the
-                          displacement may be unknown although it has a limit
+    tracking_for_s        longest time for which the difference may exceed `tracking_max_mm`, s, and for which a
+                          displacement with a limit may be unknown after its first reading
     misplaced_for_s       longest time for which the displacement may be outside the band of the model, because the
                           thermocouple lags, s; it may never be beyond the travel of the model
     """
