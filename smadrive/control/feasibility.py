@@ -2,8 +2,8 @@
 
 The controller of the real run tracks the reference on the model of the wire, in simulated time, without noise. The
 surroundings limit the cooling, and the heater limits the heating. The displacement that the model reaches is the
-nearest feasible reference. The simulated wire cools more slowly by the share `MARGIN`, and its heater is weaker by the
-same share, so that the controller of the real wire keeps a reserve.
+nearest feasible reference. The simulated wire cools more slowly by the share `MARGIN`, and its largest current is lower
+by the same share, so that the controller of the real wire keeps a reserve.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ Array = NDArray[np.float64]
 Limit = Literal["cooling", "heater", "hysteresis"]
 
 MARGIN = 0.1
-"""Share by which the simulated wire cools more slowly than identified, and by which its heater is weaker."""
+"""Share by which the simulated heat loss and the simulated largest current are reduced."""
 
 TOLERANCE = 0.02
-"""Largest shortfall of a feasible reference, in strokes; the controller corrects so small an error."""
+"""Largest error of a feasible reference, in strokes; the controller corrects an error of this size."""
 
 CYCLES = 3
-"""Number of simulated cycles of a repeated reference; the cycles after them are like the last of them."""
+"""Largest number of simulated cycles of a repeated reference; all later cycles are like the last simulated cycle."""
 
 SUBSTEPS = 3
 """Number of simulation steps of the wire per period of the loop."""
 
 JUMP = 20.0
-"""A reference that is more than this many times too fast has a jump; slowing it down does not help."""
+"""A reference that is more than this many times too fast counts as a jump; slowing it down does not help."""
 
 AT_END = 0.05
 """A path begins at an end of its span if its first value is nearer to this end than this share of the span."""
 
 SLOW_S = 7200.0
-"""A reference that lasts longer than this is checked for times in ms instead of s."""
+"""A longer reference, s, may have its times in ms by mistake; `SLOWEST_PER_S` decides."""
 
 SLOWEST_PER_S = 1.0 / 14_400.0
-"""A long reference that moves by less than a stroke in four hours, on average, probably has its times in ms."""
+"""A long reference with a lower mean speed than this, in strokes per s, probably has its times in ms."""
 
 STEADY_C = 1.0
-"""A reversal of the temperature path below twice this value, K, is no section of its own."""
+"""A reversal of the temperature by less than twice this value, K, does not begin a new section."""
 
 VISIBLE = 6.0
 """A movement of less than this many standard deviations of the displacement sensor is lost in the sensor's noise."""
@@ -78,13 +78,16 @@ class SimulatedTick(NamedTuple):
 class Feasibility:
     """The result of a simulated run of a reference.
 
-    `nearest` is the reference that the wire can follow: the reference itself if this is feasible. The largest error is
-    `shortfall_mm`, at the time `at_s`, and `limit` names the cause of this error. While the wire fell behind, the mean
-    rates of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest temperature
-    of the run, and `sections_c` are the sections of its temperature path. `stroke_mm` is the travel of the wire.
-    `in_approach` is True if `at_s` lies in the approach. After its approach the reference lasts `scored_s` seconds, has
-    the span `span_mm` and the mean speed `speed_mm_per_s`. `hot_start_mm` is its first displacement if this lies at the
-    hot end of the span, otherwise None.
+    feasible                   True if the largest error is at most `TOLERANCE` strokes
+    nearest                    reference that the wire can follow: the given reference if it is feasible
+    shortfall_mm, at_s         largest error; its time
+    limit, in_approach         cause of the largest error; True if its time is in the approach
+    setpoint_mm_per_s          mean rate of the setpoint while the wire fell behind
+    reached_mm_per_s           mean rate of the wire while it fell behind
+    hottest_c, sections_c      highest temperature of the run; sections of its temperature path
+    stroke_mm, span_mm         stroke of the wire; span of the reference after its approach
+    scored_s, speed_mm_per_s   duration and mean speed of the reference after its approach
+    hot_start_mm               first displacement after the approach if it is at the hot end of the span, otherwise None
     """
 
     feasible: bool
@@ -241,10 +244,7 @@ def _begins_hot(path_mm: Array, travel_mm: float) -> bool:
 
 
 def _limit(power_w: Array, limit_w: Array) -> Limit:
-    """Return the limit that was active for most of the time in which the wire fell behind.
-
-    If this is true of neither cooling nor heater, the limit is the hysteresis.
-    """
+    """Return the limit that was active for most of the time in which the wire fell behind; without one: hysteresis."""
     if np.mean(power_w <= 0.0) > 0.5:
         return "cooling"
     return "heater" if np.mean(power_w >= 0.99 * limit_w) > 0.5 else "hysteresis"

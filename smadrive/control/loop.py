@@ -1,10 +1,10 @@
-"""The control loop: measure, judge, compute, command, on a schedule of absolute deadlines.
+"""The control loop. Each tick measures, supervises, controls and commands. The ticks have absolute deadlines.
 
 One exchange per tick writes the command of the previous tick and reads the wire. So a command acts one period after
-its measurement, and the controllers take this delay into account. A lost exchange is not an error yet: the supervisor
+its measurement, and the controllers take this delay into account. A lost exchange does not end the run: the supervisor
 trips when no measurement arrives for too long. `run` always puts the heater into its safe state before it ends: at the
 end of the run, after a trip, an exception or Ctrl-C. The loop checks for a request to stop (OFF) before every tick.
-After this request no exchange carries current, even if the device does not answer.
+After such a request the loop commands no more current, even if the device does not answer.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from smadrive.safety.shutdown import ends_safe
 from smadrive.safety.supervisor import Supervisor
 
 LATE_FRACTION = 0.5
-"""A tick misses its deadline if it starts later than this fraction of the period after the deadline."""
+"""A tick has missed its deadline if it starts more than this share of the period after the deadline."""
 
 BUSY = (5, 6, 11)
 """Modbus exception codes of a busy device (5, 6), and of a gateway whose device does not answer (11)."""
@@ -39,7 +39,7 @@ StopRequested = Callable[[], bool]
 
 
 def never() -> bool:
-    """Return False: no user requests a stop. The run ends with its controller, a trip or an error."""
+    """Return False: no user requests a stop. The run ends after the duration of its controller, a trip or an error."""
     return False
 
 
@@ -62,8 +62,8 @@ class Actuator(Protocol):
 class Tick(NamedTuple):
     """One tick of the loop.
 
-    `time_s` is the time of the measurement since the start of the loop. `late_s` is the time by which the tick started
-    after its deadline. `command` is the command that the controller computed from `measurement`.
+    `time_s` is the time of the measurement since the start of the loop. The tick started `late_s` after its deadline.
+    `command` is the command that the controller computed from `measurement`.
     """
 
     time_s: float
@@ -90,8 +90,8 @@ class ControlLoop:
     """Runs one controller on one heater under one supervisor, with a tick every `period_s`.
 
     `record` is called with each tick. After `stop_requested` has returned True, the loop sends only the safe state.
-    `on_trip` is called with a trip before the loop switches the heater off, because the process may be killed during
-    this time.
+    `on_trip` is called with a trip before the loop switches the heater off, because the process may be killed while it
+    switches off.
     """
 
     def __init__(
@@ -123,8 +123,8 @@ class ControlLoop:
         """Arm the heater, run the ticks, bring the heater into its safe state, and return the counts of the run.
 
         The ticks end after the duration of the controller, or after a stop request. The device switches its heater off
-        after `watchdog_s` without a command. SafetyError when heating must not begin, TripError when the supervisor
-        trips.
+        after `watchdog_s` without a command. SafetyError when heating must not begin. TripError when the supervisor
+        trips, the device rejects a command, or the guardian has taken over the heater.
         """
         with ends_safe(self._heater.enter_safe_state, is_run=True):
             self._supervisor.check_may_arm(self._heater.exchange(0.0))
@@ -155,10 +155,10 @@ class ControlLoop:
         return skipped
 
     def tick(self, late_s: float) -> None:
-        """Run one tick, which begins `late_s` after its deadline. TripError when the supervisor trips.
+        """Run one tick, which begins `late_s` after its deadline. TripError for the reasons of `run`.
 
-        Controller and log use the time of the measurement as the time of the tick. A device that answers late has also
-        changed its current late. If the tick had the time of its deadline, this delay would look like a change of the
+        Controller and log use the time of the measurement as the time of the tick, not the deadline. A device that
+        answers late has also changed its current late. With the deadline, this delay would look like a change of the
         heat input.
         """
         self.figures.ticks += 1

@@ -1,4 +1,4 @@
-"""Supervision of a run: faults, trips, temperature and displacement bands, the way to zero current.
+"""Supervision of a run: faults, trips, bands of temperature, displacement and resistance, the way to zero current.
 
-May import wire, hysteresis and measurement. Controllers and devices do not belong here.
+May import wire, hysteresis, numerics and measurement. Controllers and devices do not belong here.
 """

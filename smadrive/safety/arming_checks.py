@@ -1,4 +1,4 @@
-"""What must hold of a measurement before the wire is heated."""
+"""The checks of a measurement before the wire is heated."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ def check_may_arm(measurement: Measurement, limits: SafetyLimits, outside: str |
     """Raise SafetyError when heating must not begin.
 
     The reasons: a latched fault of the device, a temperature that is invalid or outside its limits, a current that is
-    unknown or flows without a command, a displacement outside its band. `outside` describes such a displacement.
+    unknown or flows without a command, a displacement outside its band. `outside` describes a displacement outside its
+    band; None if it is not outside.
     """
     if measurement.device_faults:
         latched = ", ".join(measurement.device_faults)

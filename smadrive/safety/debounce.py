@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(slots=True)
 class Debounce:
-    """Debounces one condition. It counts when at least `needed` of the last `window` samples showed it."""
+    """Debounces one condition. The condition counts when at least `needed` of the last `window` samples showed it."""
 
     needed: int
     window: int

@@ -1,4 +1,4 @@
-"""The displacements that are possible at a temperature: those between the branches of the model.
+"""The displacements that are possible at a temperature: between the branches of the model, with margins.
 
     y_low(T) = y₊(T - δ) - m        y_high(T) = y₋(T + δ) + m        y₊, y₋ the heating and the cooling branch
 
@@ -7,8 +7,8 @@ check finds a sensor that is stuck, has a wrong unit or has lost its zero, and a
 cases the displacement leaves the band as soon as the temperature passes through the hysteresis loop. Without this check
 the driver could heat up to its limits.
 
-A displacement beyond the travel of the model, by more than m, is impossible at every temperature. So a lag of the
-thermocouple is no excuse for it. Such a displacement shows a reversed sensor or a wrong unit early.
+A displacement beyond the travel of the model, by more than m, is impossible at every temperature, and a lag of the
+thermocouple cannot explain it. Such a displacement shows a reversed sensor or a wrong unit early.
 
 The displacement also limits the temperature of the wire from above, whatever the thermocouple reads: a wire that is not
 fully transformed is colder than the heating branch at this displacement, T₊(y + m) + δ.
@@ -75,7 +75,7 @@ class DisplacementBand:
     def hottest_c(self, displacement_mm: float) -> float:
         """Return the highest possible temperature of a wire at `displacement_mm`, °C.
 
-        The result is infinite for a wire that may be fully transformed, and for NaN.
+        The result is infinite if the wire may be fully transformed at this displacement, and for NaN.
         """
         above = bisect_right(self._rising_mm, self._sense * displacement_mm + self._margin_mm)
         return self._warming_c[above] + UNSURE_C if above < POINTS and isfinite(displacement_mm) else inf

@@ -4,10 +4,10 @@ A measured resistance V/I belongs to a range of resistances at rest, because the
 
     R_rest = (V/I) / f(w)        f(w) = R(w) / R_cold        w from the displacement ± m, or between the branches at T
 
-m is the margin of the displacement band. The sums of V I and of I² f(w) over a block make the range narrow: noise and
-offsets of V and I matter most at a small current, which weighs little. The resistance has jumped when the whole range
-lies farther from the expected resistance at rest than the tolerance, in most of the latest blocks. A cracked crimp, a
-broken strand and another wire show in this way.
+m is the margin of the displacement band. The samples of a block give one range, from the sums of V I and of I² f(w).
+Noise and offsets of V and I matter most at a small current, and in these sums a small current has little weight, so the
+range is narrow. The resistance has jumped when the whole range lies farther from the expected resistance at rest than
+the tolerance, in three of the last four blocks. A cracked crimp, a broken strand or another wire causes such a jump.
 
 The expected resistance and its tolerance come from the health record of the wire. During a run the expected resistance
 follows the measured range slowly, so the drift of a long run is not a jump.
@@ -31,10 +31,10 @@ BLOCK_S, LEAST_SAMPLES = 2.0, 5
 """A block lasts at least this time, and has at least this number of samples with enough current."""
 
 LEAST_SHARE = 0.1
-"""A sample has enough current from this share of current_max_a on."""
+"""Least current of a sample that counts, as a share of current_max_a."""
 
 FOLLOW_S = 600.0
-"""Time constant with which the expected resistance follows the measured one."""
+"""Time constant with which the expected resistance follows the measured resistance, s."""
 
 
 def current_min_a(current_max_a: float) -> float:
@@ -43,7 +43,12 @@ def current_min_a(current_max_a: float) -> float:
 
 
 class JumpedResistance(NamedTuple):
-    """A jump: the nearest possible resistance at rest and the expected one in Ω, and the tolerance as a share."""
+    """A jump of the resistance at rest.
+
+    rest_ohm       end of the measured range that is nearest to the expected resistance, Ω
+    expected_ohm   expected resistance at rest, Ω
+    tolerance      tolerance, as a share of the expected resistance
+    """
 
     rest_ohm: float
     expected_ohm: float
@@ -80,7 +85,7 @@ class ResistanceBand:
         self._outside = Debounce(3, 4)
 
     def jumped(self, measurement: Measurement) -> JumpedResistance | None:
-        """Take one measurement. Return the jump if it ends a block that shows one, otherwise None."""
+        """Add one measurement. If it completes a block and the resistance has jumped, return the jump; else None."""
         current_a, voltage_v = measurement.current_a, measurement.voltage_v
         if not (current_a >= self._least_a and isfinite(voltage_v)):
             return None
@@ -112,7 +117,10 @@ class ResistanceBand:
         return _clamped(first), _clamped(second)
 
     def _checked(self, low_ohm: float, high_ohm: float) -> JumpedResistance | None:
-        """Compare the range of one block with the expected resistance, which then follows the range."""
+        """Compare the range of one block with the expected resistance, and return the jump or None.
+
+        If the range is within the tolerance, the expected resistance follows it.
+        """
         nearest_ohm = min(max(self._expected_ohm, low_ohm), high_ohm)
         is_outside = abs(nearest_ohm - self._expected_ohm) > self._tolerance * self._expected_ohm
         if self._outside.update(is_outside):

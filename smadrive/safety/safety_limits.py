@@ -12,11 +12,20 @@ from smadrive.measurement import Measurement
 class SafetyLimits:
     """Limits of a run, from the rig file.
 
-    The longest time between two measurements is `stale_after_s`. The heat source needs up to `settle_s` to reach a
-    commanded current: the measured current must lie between the smallest and the largest command of the last
-    `settle_s`, ± `current_tolerance_a`. The displacement may be outside the band of the model for up to
-    `misplaced_for_s`, because the thermocouple lags, but not beyond the travel of the model. It may be unknown, or
-    differ from the setpoint by more than `tracking_max_mm`, for up to `tracking_for_s`.
+    temperature_max_c     highest temperature of the wire, °C
+    temperature_min_c     lowest reading of the thermocouple, °C
+    current_max_a         largest current, A
+    stale_after_s         longest time between two measurements, s
+    current_tolerance_a   the measured current must lie between the smallest and the largest command of the last
+                          `settle_s`, ± this value, A
+    settle_s              longest time in which the heat source reaches a commanded current, s
+    displacement_min_mm   lowest displacement, mm
+    displacement_max_mm   highest displacement, mm
+    tracking_max_mm       largest difference between setpoint and displacement, mm
+    tracking_for_s        longest time for which the difference may exceed `tracking_max_mm`, s, and for which a
+                          displacement with a limit may be unknown after its first reading
+    misplaced_for_s       longest time for which the displacement may be outside the band of the model, because the
+                          thermocouple lags, s; it may never be beyond the travel of the model
     """
 
     temperature_max_c: float
@@ -37,9 +46,9 @@ class SafetyLimits:
         return any(map(isfinite, (self.displacement_min_mm, self.displacement_max_mm, self.tracking_max_mm)))
 
     def device_faults(self, measurement: Measurement) -> tuple[str, str | None]:
-        """Return the latched faults of the device, and the limit of the rig that the measurement has exceeded.
+        """Return the latched faults of the device as text, and the limit of the rig that belongs to them.
 
-        The limit is None for faults without such a limit.
+        The limit is None for faults that have no limit in the rig file.
         """
         faults = ", ".join(measurement.device_faults)
         if "over_temperature" in measurement.device_faults:

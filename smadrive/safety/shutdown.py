@@ -1,9 +1,9 @@
 """Switching the heater off at the end of a run, and the outcome as a typed result.
 
 Every run is a `with` block of `ends_safe`. The block switches the heater off at the end of the run, and after a trip,
-an exception of any type or a signal. The `ABORTS_AT`-th signal ends the tries early. No other event prevents the
-writing of the safe state or hides its outcome. `ShutdownOutcome` tells if read-back confirmed the heater off. The error
-that ended the run carries this outcome; `shutdown_of` returns it.
+an exception of any type or a signal. The `ABORTS_AT`-th signal ends the tries early. No earlier signal and no exception
+prevents the writing of the safe state or hides its outcome. `ShutdownOutcome` tells if read-back confirmed the heater
+off. The error that ended the run carries this outcome; `shutdown_of` returns it.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ NOT_TRIED = ShutdownOutcome(RuntimeError("switching off was not tried"))
 def shut_down(
     enter_safe_state: Callable[[], object], before: ShutdownOutcome = NOT_TRIED, *, is_run: bool = False
 ) -> ShutdownOutcome:
-    """Switch off by `enter_safe_state`, with signals held back. Return the outcome, and any error as its `failure`.
+    """Switch off by `enter_safe_state`, with signals held back. Return the outcome; an error becomes its `failure`.
 
     `before` is the outcome of an earlier try, whose signals count too. `is_run` is True for a run that may have heated.
     """
@@ -100,7 +100,7 @@ def shutdown_of(error: BaseException) -> ShutdownOutcome | None:
 
 
 def keep_outcome(error: BaseException) -> None:
-    """Attach the outcome of its cause to `error`, because a pickled error loses its cause."""
+    """Attach to `error` the outcome that its cause carries, because a pickled error loses its cause."""
     if (outcome := shutdown_of(error)) is not None:
         setattr(error, _CARRIED_AS, outcome)
 
@@ -111,8 +111,8 @@ def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -
 
     `is_run` is True for a block that may heat. An error that ended the block carries the outcome and is raised again;
     signals that arrived during the switching off do not replace this error. After a block without an error, a failure
-    to switch off is raised; without a failure, a signal that arrived is obeyed. If the user aborted a try, no second
-    try follows.
+    to switch off is raised; without a failure, a signal that arrived is obeyed. If the user aborted a try within the
+    block, no second try follows.
     """
     try:
         yield

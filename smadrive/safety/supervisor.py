@@ -1,7 +1,7 @@
 """The supervisor: checks every measurement, is independent of the controller, and can always stop the run.
 
 The supervisor latches the first fault. It debounces conditions that noise can cause: these become a fault only when
-several of the latest samples show them. Late, wrong or missing data are faults, like a wire that is too hot.
+several of the latest samples show them. Late, wrong and missing data are faults, too.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Supervisor:
     """Checks each measurement, and the time since the last measurement; the first fault is latched as `trip`.
 
     `temperature_band` compares the reading with the heat input, `displacement_band` the displacement with the model of
-    the wire, and `resistance_band` the resistance with its last runs. A band that is None is not checked.
+    the wire, and `resistance_band` the resistance with the last runs of the wire. A band that is None is not checked.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Supervisor:
     def check_may_arm(self, measurement: Measurement) -> None:
         """Raise SafetyError when heating must not begin; call this only while the wire is at rest.
 
-        arming_checks.py has the reasons. Without a reason, the temperature band starts at the measured temperature.
+        arming_checks.py has the reasons. If heating may begin, the temperature band starts at the measured temperature.
         """
         check_may_arm(measurement, self._limits, self._outside_band(measurement))
         if self._temperature_band is not None:
@@ -163,7 +163,7 @@ class Supervisor:
     def _is_cool_by_displacement(self, measurement: Measurement) -> bool:
         """Return True if the measured displacement excludes a wire above `temperature_max_c`.
 
-        If the reading is below its band then, a draft has cooled the wire, and the reading is right.
+        A reading below the temperature band is then right: a draft has cooled the wire.
         """
         if self._displacement_band is None or self._outside_band(measurement) is not None:
             return False
@@ -212,7 +212,7 @@ class Supervisor:
 def _is_excused(measurement: Measurement, commanded_a: float) -> bool:
     """Return True if a limit of the device explains a current below `commanded_a`.
 
-    A voltage limit explains a current above half of `commanded_a`.
+    A voltage limit alone explains only a current above half of `commanded_a`.
     """
     if measurement.device_limits == ("voltage",):
         return measurement.current_a > 0.5 * commanded_a

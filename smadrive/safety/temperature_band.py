@@ -16,7 +16,7 @@ the wire receives heat that is not measured.
 A frozen reading, which does not change even in its last digit, is detected sooner, from the power since its last
 change:
 
-    C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire, P the power, P₀ the power at the last change
+    C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire that warms, P the power, P₀ the power at the last change
 
 Δ is the temperature change of the wire since the last change of the reading. Errors of the heat balance cancel, because
 they are the same at both times. A large Δ with a constant reading is a fault.

@@ -1,14 +1,15 @@
 """The reading of an unheated wire, compared with the ambient temperature of the wire file.
 
-A wire cannot be colder than its surroundings, and an unheated wire is not warmer for long. A larger difference means
-that the calibration of the thermocouple is wrong, or `ambient_c` of the wire file. The reading of a thermocouple with a
-wrong calibration may be far too low; then the wire is hotter than the temperature limits allow.
+A wire cannot be colder than its surroundings, and an unheated wire is not warmer for long. If the reading differs from
+the ambient temperature by more than `COLD_WIRE_K`, the calibration of the thermocouple or `ambient_c` of the wire file
+is wrong. With a wrong calibration the reading may be far too low, and the wire would become hotter than the temperature
+limits allow.
 """
 
 from __future__ import annotations
 
 COLD_WIRE_K = 10.0
-"""Largest difference in K: an uncalibrated thermocouple is wrong by up to 5 K, and a room differs by as much."""
+"""Largest difference, K: 5 K for an uncalibrated thermocouple, and 5 K between the room and `ambient_c`."""
 
 CHECK_CALIBRATION = "calibrate the thermocouple again, or correct ambient_c in the wire file"
 
@@ -19,7 +20,7 @@ def is_too_cold(temperature_c: float, ambient_c: float) -> bool:
 
 
 def cold_wire_caveats(temperature_c: float, ambient_c: float) -> tuple[str, ...]:
-    """Return a caveat if the unheated wire reads too far from the ambient temperature, else nothing; none for NaN."""
+    """Return a caveat if the reading of the unheated wire is too far from the ambient temperature; () otherwise."""
     if is_too_cold(temperature_c, ambient_c):
         cure = f"{CHECK_CALIBRATION}, before the wire is heated"
     elif temperature_c > ambient_c + COLD_WIRE_K:
@@ -30,7 +31,7 @@ def cold_wire_caveats(temperature_c: float, ambient_c: float) -> tuple[str, ...]
 
 
 def calibration_caveats(corrected_c: float, ambient_c: float) -> tuple[str, ...]:
-    """Return a caveat if a calibration changes a reading of `ambient_c` too much, to `corrected_c`; else nothing."""
+    """Return a caveat if a calibration changes a reading of `ambient_c` too much, to `corrected_c`; () otherwise."""
     if abs(corrected_c - ambient_c) <= COLD_WIRE_K:
         return ()
     corrected = f"the calibration corrects a reading of {ambient_c:g} °C to {corrected_c:.1f} °C"

@@ -30,7 +30,7 @@ RESISTANCE_FACTOR = 1.5
 """Largest factor, up or down, between the measured resistance and the data sheet."""
 
 LEADS_OHM = 0.5
-"""Resistance of leads and clamps in ohms. It matters for a short thick wire."""
+"""Assumed largest resistance of leads and clamps, Ω. It matters for a short thick wire."""
 
 
 class WireDataSheet(Section):
@@ -98,7 +98,7 @@ def resistivity_uohm_m(diameter_mm: float, resistance_ohm_per_m: float) -> float
 
 
 def resistance_caveats(measured_ohm: float, nominal: HeatBalance) -> tuple[str, ...]:
-    """Return a caveat if the measured resistance cannot be that of the data sheet, otherwise nothing; none for NaN."""
+    """Return a caveat if the measured resistance does not fit the data sheet; () if it fits, and for NaN."""
     ends_ohm = nominal.resistance_ohm(0.0), nominal.resistance_ohm(1.0)
     low_ohm, high_ohm = min(ends_ohm) / RESISTANCE_FACTOR, RESISTANCE_FACTOR * (max(ends_ohm) + LEADS_OHM)
     if not (measured_ohm < low_ohm or measured_ohm > high_ohm):

@@ -4,7 +4,7 @@
 
 T is the temperature of the wire and ξ the phase: the displacement as a share of the travel. f is the resistance of the
 martensite, linear in T. g is the resistance of the austenite, a natural cubic spline in T. A spline is needed because
-an R-phase in the austenite raises its resistance on cooling. The hysteresis of the R-phase, 1 to 2 K, is left out. The
+an R-phase in the austenite raises g on cooling. The hysteresis of the R-phase, 1 to 2 K, is left out. The
 factor (1 - e ξ)² is the geometry: a wire that contracts by the share e becomes shorter and thicker at a constant
 volume.
 
@@ -14,10 +14,10 @@ voltage with σ_V, give
 
     σ_R = σ_U / I        σ_U = sqrt(σ_V² + R² σ_I²)
 
-A device samples (or averages) current and voltage before it answers. So U/I is the resistance a delay ago, about half
-a period of an averaging device.
+A device samples (or averages) current and voltage before it answers. So U/I is older than the readings of the sensors,
+by `delay_s`. A device that averages has a delay of about half its averaging period.
 
-`WireModel.resistance_ohm` takes this model, or for a wire without it the coarser R(w) of heat_balance.py.
+`WireModel.resistance_ohm` uses this model if it was identified, otherwise the coarser R(w) of heat_balance.py.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class WireResistance:
     """The parameters of the equations at the head of this file. Raises ModelError for impossible parameters.
 
     reference_c             temperature at which the martensite has `martensite_ohm`, °C
-    martensite_ohm          f at this temperature, Ω
+    martensite_ohm          f at `reference_c`, Ω
     martensite_ohm_per_k    slope of f, Ω/K
     strain                  e, the contraction of the whole stroke as a share of the length
     noise_v                 σ_U, the noise of the measurement as a voltage, V

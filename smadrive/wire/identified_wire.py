@@ -169,7 +169,7 @@ def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:
 
 
 def _resistance(provenance: Fields, place: str) -> WireResistance | None:
-    """Return the resistance in the provenance; None in a file of an older version, and without resistance."""
+    """Return the resistance in the provenance, or None if it contains no resistance."""
     if provenance.document.get("resistance") is None:
         return None
     parameters = provenance.inner("resistance")

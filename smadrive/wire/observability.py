@@ -23,7 +23,7 @@ POINTS = 400
 """Number of temperatures at which a branch is examined."""
 
 ENDS = 0.03
-"""The outermost shares of the stroke are left out: there the temperature changes without the displacement."""
+"""This share of the stroke is left out at both ends: there the displacement hardly changes with the temperature."""
 
 
 class BranchResistance(NamedTuple):
@@ -45,7 +45,7 @@ def branch_of(wire: WireModel, resistance: WireResistance, *, rising: bool) -> B
 
 
 def lost_band(wire: WireModel, resistance: WireResistance, *, rising: bool) -> tuple[float, float] | None:
-    """Return the displacements of a branch, mm, between which the resistance alone does not tell the displacement.
+    """Return the ends, mm, of the band of a branch in which the resistance alone does not tell the displacement.
 
     None if the resistance changes in one direction along the whole branch.
     """
@@ -65,7 +65,7 @@ def lost_band(wire: WireModel, resistance: WireResistance, *, rising: bool) -> t
 
 
 COLD_PHASE, COLD_MARGIN_C = 0.002, 2.0
-"""The wire counts as cold if its cooling branch has at most this phase at a temperature higher by this many K."""
+"""The wire is cold below the temperature at which its cooling branch has this phase, minus this margin in K."""
 
 
 def cold_c(wire: WireModel, resistance: WireResistance) -> float:
@@ -90,8 +90,8 @@ SENSE_NOISE, SENSE_HEAT = 0.05, 0.05
 def sense_current(wire: WireModel, resistance: WireResistance) -> SenseCurrent:
     """Return the least current that keeps the resistance observable while the wire cools.
 
-    It is the smallest current with at most `SENSE_NOISE`, or the current with `SENSE_HEAT` if that is smaller. Both
-    apply in the middle of the cooling branch, where the wire has the phase 0.5.
+    It is the smallest current with a noise of at most `SENSE_NOISE`, or the current with the heat `SENSE_HEAT` if that
+    current is smaller. Noise and heat are those in the middle of the cooling branch, at the phase 0.5.
     """
     branch = branch_of(wire, resistance, rising=False)
     middle_c = float(np.interp(0.5, branch.phase, branch.temperature_c))
@@ -102,14 +102,17 @@ def sense_current(wire: WireModel, resistance: WireResistance) -> SenseCurrent:
 
 
 def sense_text(wire: WireModel, resistance: WireResistance) -> str:
-    """Return the sense current, its heat and its noise as a sentence."""
+    """Return a sentence with the sense current, its heat as a share of the heat loss, and the noise of one sample.
+
+    The noise is the standard deviation of one displacement sample at this current, as a share of the stroke.
+    """
     sense = sense_current(wire, resistance)
     heat = f"the sense current of {1e3 * sense.current_a:.0f} mA heats with {100 * sense.heat:.1f} % of the heat loss"
     return f"{heat}, and one sample then has a noise of {100 * sense.noise:.1f} % of the stroke"
 
 
 def lost_text(wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
-    """Return the bands in which the resistance alone does not show the displacement, one sentence each."""
+    """Return one sentence for each branch with a band in which the resistance alone does not tell the displacement."""
     sentences = []
     for rising, way in ((True, "heating"), (False, "cooling")):
         if (band := lost_band(wire, resistance, rising=rising)) is not None:

@@ -1,9 +1,10 @@
-"""The loops of the record of a wire, and two checks of a run: is it near these loops, and does the model remember it?
+"""The loops in the record of a wire, and two checks of a run: is it near these loops, and does the model drop turns?
 
-A model with memory knows the wire after a turning point only where the record turned, too. So the sections of the
-record are kept with the model, each as its turning point and its end. If several sections turn at about the same input,
-only the longest is kept. A section of a run is near the record if a recorded section of the same direction turned at
-most `NEAR` of the recorded range away, and reached its end within the same distance.
+A model with memory knows the wire after a turning point only if the record turned at about the same input. So the
+sections of the record are kept with the model, each as its turning point and its end. If several sections of the same
+direction turn at about the same input, only the longest is kept. A section of a run is near the record if a recorded
+section of the same direction turned at most `NEAR` of the recorded range away, and came to within the same distance of
+the end of the section, or beyond this end. A section shorter than this distance is always near.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ SAME = 0.01
 
 
 def sections_of(path: FloatArray, radius: float = 0.0) -> Sections:
-    """Return the sections of an input path (samples,). Reversals below 2 · `radius` are left out."""
+    """Return the sections of an input path (samples,). A reversal by at most 2 · `radius` does not begin a section."""
     corners = path[turning_points(path, radius)].tolist()
     return tuple((turn, end) for turn, end in pairwise(corners) if turn != end)
 
@@ -44,9 +45,9 @@ def recorded_sections(path: FloatArray) -> Sections:
 
 
 def outside(run: Sections, recorded: Sections) -> Sections:
-    """Return the sections of a run that are not near the `recorded` sections. Every run is near an empty record.
+    """Return the sections of a run that are not near the `recorded` sections; () if `recorded` is empty.
 
-    Outside of the recorded range a wire does not transform, so the ends of the run are first clamped to this range.
+    Outside of the recorded range a wire does not transform, so both ends of a section are first clamped to this range.
     """
     if not recorded:
         return ()

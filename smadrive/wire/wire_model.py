@@ -1,8 +1,9 @@
 """Steps of the identified wire: heat balance and hysteresis together.
 
 Temperature and phase depend on each other: the transformation takes heat, and the temperature drives the
-transformation. Over a small change of temperature the slope dw/dT is constant, and the heat balance is exact. A larger
-change is divided into pieces. Each piece is computed with the slope at its start, then once more with its mean slope.
+transformation. Over a small change of temperature the slope dw/dT counts as constant, and the heat balance is solved
+exactly. A larger change is divided into pieces. Each piece is computed with the slope at its start, then once more with
+its mean slope.
 
 A correction of the observer may put the state outside the branches of the hysteresis model, where the slope may have
 the wrong sign. A negative slope counts as zero: the state then only returns to the branches, which takes no heat.
@@ -43,8 +44,9 @@ def travel_mm(model: HysteresisModel) -> tuple[float, float]:
 class WireModel:
     """The identified wire as a model: `step` takes a state of the wire and returns the next one.
 
-    The phase of the heat balance is displacement / travel, as in the identification of the heat balance. It differs
-    from the state w of the hysteresis model, because a model may use only a part of the range [0, 1] of w.
+    The phase of the heat balance is the displacement as a share of the travel, as in the identification of the heat
+    balance. It differs from the state w of the hysteresis model, because a model may use only a part of the range
+    [0, 1] of w.
 
     `resistance` is the identified resistance over temperature and phase. Without it, the resistance is that of the heat
     balance, which depends on the phase alone.

@@ -1,4 +1,4 @@
-"""The properties of a wire besides its hysteresis: what stays the same while its model is tuned or adapted."""
+"""The properties of a wire that stay the same while its hysteresis model is tuned or adapted."""
 
 from __future__ import annotations
 

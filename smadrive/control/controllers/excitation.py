@@ -22,14 +22,14 @@ ENVELOPE = 2.0
 """The largest power of an excitation, as a multiple of the power that its path needs by the data sheet.
 
 A failing thermocouple is detected later on an unknown wire than on an identified one. With this limit the wire
-overheats more slowly until then.
+overheats more slowly until the fault is detected.
 """
 
 
 def power_envelope_w(balance: HeatBalance, setpoint_c: float, rate_c_per_s: float) -> float:
     """Return the largest power, W, that a controller may command to a wire that is not identified yet.
 
-    `setpoint_c` is the present temperature setpoint of the wire, which moves at `rate_c_per_s`.
+    `setpoint_c` is the present temperature setpoint. The setpoint moves at `rate_c_per_s`, 0 or more.
     """
     transforming = balance.latent_heat_j / TRANSFORMATION_C * rate_c_per_s
     return ENVELOPE * (balance.power_w(setpoint_c + LAGS_C, rate_c_per_s, 0.0) + transforming)

@@ -9,15 +9,16 @@ The error e is in K: the error of the temperature, or the error of the heat cont
 
 T is the temperature, ξ the phase, a star marks a setpoint, m c is the heat capacity (J/K), and Q the latent heat (J).
 The heat content changes by the power minus the loss. So with Kp = m c / Tc this error decays with the chosen time
-constant Tc, also within the transformation. An error of the temperature alone decays more slowly there, by the factor
-1 + (Q / m c) dξ/dT.
+constant Tc, also within the transformation. An error of the temperature alone would decay more slowly within the
+transformation, by the factor 1 + (Q / m c) dξ/dT.
 
 With Ki = Kp / Ti the effect of a model error decays within about Ti. In the integral, e is limited to a small value,
 because a large error shows that the wire is still moving. At a limit of the command the integral stays constant
 (conditional integration). Back-calculation is not used: at every turning point the feedforward requests a negative
 power, and back-calculation would then change the integral by a large amount.
 
-Bumpless transfer: a feedback that replaces another feedback adds the difference of the two commands, which then decays.
+Bumpless transfer: a feedback that replaces another feedback adds the last command of the replaced feedback minus its
+own first command. This difference then decays.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from math import exp
 from smadrive.wire.heat_balance import HeatBalance
 
 HANDOVER_S = 0.2
-"""The difference to the last command of the replaced feedback decays with this time constant, s."""
+"""Time constant of the decay of the difference that a bumpless transfer adds, s."""
 
 INTEGRATED_C = 1.0
 """The integral counts an error only up to ± this value, K, unless the controller chooses another value."""
@@ -56,8 +57,10 @@ class PIGains:
 class TemperatureFeedback:
     """PI feedback with anti-windup, and with bumpless transfer from another feedback.
 
-    The integral counts an error up to ± `integrated_c`, K.
-    `integral_w` is the integral term, and `command_w` is the last command, both in W.
+    gains          proportional and integral gain
+    integrated_c   the integral counts an error only up to ± this value, K
+    integral_w     integral term, W
+    command_w      last command, W
     """
 
     gains: PIGains

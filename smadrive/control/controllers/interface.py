@@ -12,12 +12,19 @@ from smadrive.measurement import Measurement
 
 
 class Command(NamedTuple):
-    """The commanded heater current, with setpoints, estimates and power. A value that the controller lacks is NaN.
+    """The commanded heater current, with setpoints, estimates and power. A value is NaN if the controller has none.
 
-    `cooling` is the estimated heat loss, divided by the loss of the heat balance: more than 1 in a draft. `shift_c` is
-    the estimated shift of the transformation by a changed load, K.
-    `by_resistance_mm` is the displacement by the resistance of the wire, `by_resistance_sd_mm` its standard deviation.
-    `uses_resistance` is 1 while the controller uses it, otherwise 0.
+    commanded_a           heater current, A
+    setpoint_c            temperature setpoint, °C
+    setpoint_mm           displacement setpoint, mm
+    estimated_c           estimated temperature of the wire, °C
+    estimated_mm          estimated displacement, mm
+    power_w               power of this current, W
+    cooling               estimated heat loss, divided by the loss of the heat balance: more than 1 in a draft
+    shift_c               estimated shift of the transformation by a changed load, K
+    by_resistance_mm      displacement by the resistance of the wire, mm
+    by_resistance_sd_mm   standard deviation of the displacement by the resistance, mm
+    uses_resistance       1 while the resistance is the source of the displacement, otherwise 0
     """
 
     commanded_a: float
@@ -38,7 +45,7 @@ class Controller(Protocol):
 
     @property
     def duration_s(self) -> float:
-        """Duration of the run in s, from the start of the loop. The value grows while a path waits."""
+        """Duration of the run in s, from the start of the loop. It grows while the path of an excitation waits."""
         ...
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:

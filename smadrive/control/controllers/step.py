@@ -1,7 +1,7 @@
 """A manual step, and its controllers: one holds a current, the other holds a temperature.
 
-Nothing is identified yet when a step heats the wire. So the temperature is controlled with the nominal heat balance,
-and the power is limited like the power of an excitation.
+A step does not need an identified wire. So the temperature is controlled with the nominal heat balance, and the power
+is limited like the power of an excitation.
 """
 
 from __future__ import annotations
@@ -25,10 +25,9 @@ WHERE = "step"
 
 @dataclass(frozen=True)
 class ManualStep:
-    """Hold either the current `current_a` or the temperature `temperature_c` for `duration_s`.
+    """A step that holds either the current `current_a` or the temperature `temperature_c` for `duration_s`.
 
-    ConfigError when both or none of the two are given, when the duration is not above 0 s, and when it exceeds
-    `LONGEST_S`.
+    ConfigError unless exactly one of the two is given, and the duration is above 0 s and at most `LONGEST_S`.
     """
 
     current_a: float | None
@@ -36,7 +35,7 @@ class ManualStep:
     duration_s: float
 
     def __post_init__(self) -> None:
-        """Raise ConfigError for a step that no rig can make."""
+        """Raise ConfigError for the reasons that the class names."""
         if (self.current_a is None) == (self.temperature_c is None):
             given = "none is given" if self.current_a is None else "both are given"
             cure = "give either a current or a temperature"

@@ -45,7 +45,7 @@ class SwappableController:
 
     @property
     def source(self) -> SourceState | None:
-        """The state of the displacement's source; None before the first update."""
+        """The state of the selection of the displacement's source; None before the first update."""
         state = self._controller.state
         return None if state is None else state.source
 
@@ -57,7 +57,7 @@ class SwappableController:
         return self.command
 
     def swap(self, controller: TrackingController, reference: Reference) -> None:
-        """Replace the old controller by `controller`, which takes over the state, so that the output does not jump.
+        """Replace the old controller by `controller`, which takes over the old state: the output does not jump.
 
         If `reference` is a new one, it begins now; otherwise the present reference continues.
         """

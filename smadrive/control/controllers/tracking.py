@@ -32,10 +32,7 @@ DISPLACEMENT_NOISE = 0.001
 """Assumed standard deviation of the noise of a displacement sensor, in strokes."""
 
 FASTER = 2.5
-"""With a measured displacement the time constant of the closed loop is divided by this factor.
-
-This is possible because the estimate then has less noise.
-"""
+"""With a measured displacement the estimate has less noise, and the closed loop is faster by at most this factor."""
 
 SHORTEST_PERIODS = 2.0
 """Shortest time constant of the closed loop with a measured displacement, in periods of the loop."""
@@ -53,7 +50,7 @@ class TrackingSettings:
 
     period_s            period of the loop, s
     current_limit_a     largest current, A
-    closed_loop_s       time constant of the temperature loop, s; with a measured displacement it is divided by `FASTER`
+    closed_loop_s       time constant of the temperature loop without a measured displacement, s; see `FASTER`
     integral_s          time constant in which the effect of a model error decays, s
     noise_c             standard deviation of the noise of the thermocouple, K
     feedforward_share   share of the feedforward's power that is used; less than 1 leaves more to the feedback
@@ -72,10 +69,13 @@ class TrackingSettings:
 class TrackingState(NamedTuple):
     """State of a TrackingController, without the state of its feedback.
 
-    `estimate` is the estimated state of the wire, `power_w` the power in force, `trim_mm` the displacement trim.
-    `direction` is +1 while the phase rises, -1 while the phase falls; the phase is the displacement as a share of the
-    travel, 0 for the cold wire. `reversal` is the reversal that the wire is making now, or None while the wire follows
-    the reference. `ahead` is the estimate advanced by one period, `source` the state of the displacement's source.
+    estimate    estimated state of the wire at the last measurement
+    power_w     power of the last command, W
+    trim_mm     displacement trim, mm
+    direction   +1 while the phase rises, -1 while the phase falls
+    reversal    reversal that the wire is making, or None while the wire follows the reference
+    ahead       estimate, advanced by one period
+    source      state of the selection of the displacement's source
     """
 
     estimate: WireEstimate
@@ -206,9 +206,9 @@ class TrackingController:
         return TrackingState(estimate, 0.0, 0.0, 1, None, estimate, self._sources.start())
 
     def _observed(self, measurement: Measurement, displacement: DisplacementReading, dt_s: float) -> WireEstimate:
-        """Return the present estimate.
+        """Return the estimate at `measurement`.
 
-        It uses the measured power, or the commanded power if the measured power is unknown.
+        It uses the measured power, or the power of the last command if the measured power is unknown.
         """
         if self._state is None:
             return self._observer.start(measurement.temperature_c, self._sources.start_mm(measurement))

@@ -7,9 +7,9 @@ is Tc times the difference between the rates of wire and setpoint. The trim is a
     d(trim)/dt = (setpoint - displacement) / Ti        Ti = 4 Tc, the usual separation of the loops of a cascade
 
 The trim is in millimetres, so it has the same effect on steep and on flat parts of the loop. The trim must not act
-against the hysteresis: while the wire crosses the loop (its temperature differs from the setpoint), or while the power
-is at a limit, the displacement cannot respond yet, and the trim stays constant. At a reversal the trim begins at zero,
-because the errors of the two branches are independent.
+against the hysteresis. While the wire crosses the loop, its temperature differs from the setpoint, and the displacement
+cannot respond yet. So the trim stays constant while this difference exceeds `FOLLOWS_C`, and while the power is at a
+limit. A reversal sets the trim to zero, because the errors of the two branches are independent.
 """
 
 from __future__ import annotations
@@ -31,6 +31,6 @@ class DisplacementTrim:
         """Return the new trim, mm, `dt_s` seconds after the trim was `trim_mm`.
 
         `error_mm` and `error_c` are setpoint - process value of displacement and temperature. The trim stays constant
-        while `error_c` exceeds `FOLLOWS_C` in absolute value.
+        while `error_c` exceeds `FOLLOWS_C` in absolute value. While the power is at a limit, `error_c` is infinite.
         """
         return trim_mm + error_mm * dt_s / self._integral_s if abs(error_c) <= FOLLOWS_C else trim_mm

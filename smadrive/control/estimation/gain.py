@@ -12,11 +12,12 @@ shift of the transformation (a heavier load shifts it to higher temperatures), �
 parameters of the heat balance: heat capacity, latent heat, heat loss, thermocouple lag. d and b are random walks.
 T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete Riccati
 equation. There is one gain for the thermocouple alone. For thermocouple and displacement together there is one gain for
-each of several slopes. Together they tell a draft from a load: both change ξ, but only the draft cools the wire.
+each of several slopes. The two sensors together tell a draft from a load: a draft and a load both change ξ, but only
+the draft cools the wire.
 
 Each gain is solved twice: for calm air, where d and b drift slowly, and for a disturbance, where they change within a
-second. The larger gain follows a disturbance, but also the noise. The innovation test (innovation.py) decides between
-the two.
+second. The gain for a disturbance is larger: it follows a disturbance, but also the noise. The innovation test
+(innovation.py) decides between these two gains.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ Array = NDArray[np.float64]
 JointGain = tuple[tuple[float, float], ...]
 
 CACHED_GAINS = 4096
-"""Number of gains that are kept: a controller for a known wire is then built without solving them again."""
+"""Number of gains that are cached: another controller for the same wire does not solve its gains again."""
 
 
 class ProcessNoise(NamedTuple):
@@ -52,31 +53,28 @@ class ProcessNoise(NamedTuple):
 
 
 CALM = ProcessNoise(0.015, 0.2, 0.05)
-"""The noise without a disturbance."""
+"""Process noise in calm air."""
 
 DISTURBED = ProcessNoise(0.1, 20.0, 3.0)
-"""The noise in a disturbance. More drift would follow a draft faster, but the noise of the thermocouple, too."""
+"""Process noise in a disturbance. With more drift the observer would follow a draft, but also the noise, faster."""
 
 PHASE_NOISE = 0.003
 """Error of the hysteresis model: standard deviation of the phase after one second."""
 
 SLOW_PHASE_NOISE = 0.001
-"""The same for a displacement with more noise than the smallest.
-
-It is smaller, because the filter then averages over seconds, in which the errors of the model cancel in part.
-"""
+"""`PHASE_NOISE` for a noisier displacement: the filter averages it over seconds, and model errors cancel in part."""
 
 SHIFT_S = 1000.0
 """The shift decays with this time constant, s. Without a decay the Riccati equation has no stationary solution."""
 
 MOST_NOISES = 10.0
+"""The gain for a disturbance applies to at most this many standard deviations of a sensor's noise."""
 
 NOISE_STEP = 4.0
-"""Ratio of neighbouring noises for which the gain is solved."""
+"""Ratio of two neighbouring noises of the displacement for which the gains are solved."""
 
 SLOPES = 9
 """Number of slopes for which the gain is solved, from zero to the steepest of the model."""
-
 
 POINTS = 2000
 """Number of inputs at which the slope of the branches is examined."""
@@ -85,9 +83,11 @@ POINTS = 2000
 class Correction(NamedTuple):
     """The change of the observer's estimate after a measurement.
 
-    The fields are the changes of the wire temperature in K, of the thermocouple's temperature in K, of the power that
-    the heat balance does not explain in W, of the shift of the transformation in K, and of the phase as a share of the
-    travel.
+    temperature_c    change of the wire temperature, K
+    thermocouple_c   change of the thermocouple's temperature, K
+    disturbance_w    change of the power that the heat balance does not explain, W
+    shift_c          change of the shift of the transformation, K
+    phase            change of the phase, as a share of the travel
     """
 
     temperature_c: float
@@ -102,7 +102,7 @@ class GainsByNoise:
 
     `noise` is the smallest noise, in shares of the travel. There are `noises` schedules; each has `NOISE_STEP` times
     the noise of the schedule before. Between two noises the corrections are interpolated over the logarithm of the
-    noise. A larger noise counts as the largest.
+    noise. A noise above the largest counts as the largest.
     """
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float, noises: int = 1) -> None:
@@ -157,7 +157,7 @@ class GainSchedule:
     def by_reading(self, read_c: float, evidence: float) -> Correction:
         """Return the correction when only the thermocouple is measured. Shift and phase keep their values.
 
-        `read_c` is its measured - expected temperature, K.
+        `read_c` is measured - expected temperature of the thermocouple, K.
         """
         more_c = evidence * min(max(read_c, -self._most_c), self._most_c)
         wire, thermocouple, disturbance = (

@@ -23,16 +23,20 @@ READ_WEIGHT, PHASE_WEIGHT = 0.3, 0.5
 """Weight λ of the latest innovation: of the thermocouple, and of the displacement, which has less noise."""
 
 READ_SPREAD, PHASE_SPREAD = 1.1, 1.5
-"""Standard deviation σ of the innovations, divided by that of the sensor's noise; the model has an error, too."""
+"""Standard deviation σ of the innovations of the two sensors, as a multiple of the standard deviation of their noise.
+
+It exceeds 1, because the model has errors, too.
+"""
 
 LAG_SHARE = 0.03
-"""Standard deviation of the innovations by a wrong lag of the thermocouple, as a share of the gap that the lag makes.
+"""A wrong lag of the thermocouple adds innovations with this standard deviation, as a share of the gap.
 
-The gap is the difference between wire and thermocouple. A fast heating makes it tens of kelvin, and is no disturbance.
+The gap is the temperature difference between wire and thermocouple. Fast heating makes a gap of tens of kelvin, and is
+no disturbance.
 """
 
 READ_THRESHOLDS, PHASE_THRESHOLDS = (3.5, 7.0), (2.5, 5.0)
-"""The level is 0 up to the first, and 1 from the second on, in standard deviations of the mean."""
+"""The level is 0 up to the first threshold, and 1 from the second on. Their unit is the standard deviation of m."""
 
 HOLD_S = 1.0
 """Time constant in which the level decays, s."""
@@ -47,9 +51,10 @@ At a larger integral the level is 0.
 class DisturbanceEvidence(NamedTuple):
     """The state of the test.
 
-    `read_c` is the mean innovation of the thermocouple in K, `phase` that of the displacement as a share of the travel.
-    `level` is 0 while the innovations look like noise, and 1 for a certain disturbance. `spent_s` is the integral of
-    the level over time, which is forgotten slowly.
+    read_c    mean innovation of the thermocouple, K
+    phase     mean innovation of the displacement, as a share of the travel
+    level     0 while the innovations look like noise, 1 for a certain disturbance
+    spent_s   integral of the level over time, forgotten with the time constant `FORGET_S`, s
     """
 
     read_c: float = 0.0
@@ -82,9 +87,9 @@ class InnovationTest:
     def by_both(
         self, before: DisturbanceEvidence, read_c: float, gap_c: float, phase_error: float
     ) -> DisturbanceEvidence:
-        """Return the state after an innovation of the thermocouple and one of the displacement.
+        """Return the state after the innovations of thermocouple and displacement.
 
-        `read_c` is that of the thermocouple, K, `phase_error` that of the displacement, as a share of the travel.
+        `read_c` is the innovation of the thermocouple, K, `phase_error` of the displacement, as a share of the travel.
         `gap_c` is the difference between the temperatures of wire and thermocouple, K.
         """
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)

@@ -1,18 +1,18 @@
 """The change of the leads since the identification.
 
-Two-wire sensing measures the wire together with its leads and contacts. The identified resistance contains those of the
-record. Since then a contact may have changed by δ, in Ω. Whenever the phase of the wire is known, its resistance
-R(T, ξ) is known, too, and each sample measures δ:
+Two-wire sensing measures the wire together with its leads and contacts. The identified resistance contains the leads
+and contacts at the time of the identification. Since then a contact may have changed by δ, in Ω. Whenever the phase of
+the wire is known, its resistance R(T, ξ) is known, too, and each sample measures δ:
 
     z = U/I - R(T, ξ)        variance of z: (σ_U / I)² + (dR/dξ σ_ξ)²
 
 The phase is known while the wire is so cold that it is martensite after any history, and while a displacement sensor is
 valid. A Kalman filter with one state gives the mean m and the variance P of a changed δ. An error of the temperature
-does not average out, so P never falls below its effect.
+does not average out, so P never falls below the variance that this error causes.
 
 A rig that was not touched has δ = 0 exactly, so a small m is more probably noise than a change. With the probability
-`CHANGED` of a change before the samples, and the prior variance P_0, the probability after the samples is (the Bayes
-factor is that of Savage and Dickey: Dickey, Ann. Math. Stat. 42, 1971)
+`CHANGED` of a change before the samples, and the prior variance P_0, the probability after the samples is p, by the
+Bayes factor of Savage and Dickey (Dickey, Ann. Math. Stat. 42, 1971):
 
     p = CHANGED / (CHANGED + (1 - CHANGED) sqrt(P_0/P) exp(-m²/2P))        δ = p m
 """
@@ -49,7 +49,7 @@ class LeadChange(NamedTuple):
         return cls(0.0, variance, variance)
 
     def later(self, resistance_ohm: float, dt_s: float) -> LeadChange:
-        """Return the state after `dt_s` without a sample. It is never less certain than before the first sample."""
+        """Return the state after `dt_s` without a sample. P grows, at most to the prior variance P_0."""
         drifted = self.variance + (DRIFT * resistance_ohm) ** 2 * dt_s
         return self._replace(variance=min(drifted, self.prior_variance))
 

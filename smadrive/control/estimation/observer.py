@@ -44,9 +44,10 @@ DRAFT_SHARE = 0.1
 """An unexplained power of more than this share of the heat loss is a draft, and changes in proportion to the loss."""
 
 MOST_DRAFT = 0.8
-"""Without a measured displacement, the largest loss by a draft, as a share of the identified loss.
+"""Without a measured displacement, the largest additional loss by a draft, as a share of the identified loss.
 
-The thermocouple alone cannot tell a draft from a bead that comes off. More power would overheat the wire then.
+The thermocouple alone cannot tell a draft from a bead that comes off. A larger share would overheat a wire whose bead
+comes off.
 """
 
 NOISES = 5
@@ -60,17 +61,20 @@ wire.
 """
 
 LEAST_EXCESS_C = 5.0
-"""Nearer to the ambient temperature than this, K, the power of a draft stays constant."""
+"""Least difference from the ambient temperature, K, at which the power of a draft is proportional to the difference."""
 
 
 class WireEstimate(NamedTuple):
     """The estimated state of the wire.
 
-    `temperature_c` is the temperature of the wire, `thermocouple_c` that of the thermocouple. `hysteresis` is the state
-    of the hysteresis model. `disturbance_w` is the power that the heat balance does not explain. `play` is the state of
-    the dead band between the temperature and the hysteresis model, and `radius_c` its radius. `evidence` is the state
-    of the innovation test. `shift_c` is the shift of the transformation: the input of the hysteresis model is lower
-    than the temperature by this value, K.
+    temperature_c    temperature of the wire, °C
+    thermocouple_c   temperature of the thermocouple, °C
+    hysteresis       state of the hysteresis model
+    disturbance_w    power that the heat balance does not explain, W
+    play             state of the dead band between the temperature and the hysteresis model
+    radius_c         radius of the dead band, K
+    evidence         state of the innovation test
+    shift_c          shift of the transformation, K: the input of the hysteresis model is the temperature minus this
     """
 
     temperature_c: float
@@ -140,7 +144,8 @@ class WireObserver:
         """Return the estimate `dt_s` seconds after `before`, corrected by the measurements at this time.
 
         The wire was heated with `power_w` since `before`. `reading_c` is the reading of the thermocouple. NaN marks a
-        missing measurement. `noise_mm` is the standard deviation of this displacement, by default that of the observer.
+        missing measurement. `noise_mm` is the standard deviation of this displacement; None takes the `noise_mm` of the
+        observer.
         """
         if isfinite(displacement_mm):
             expected = self._predicted(before, power_w, dt_s, self._seeing_c)
@@ -176,9 +181,10 @@ class WireObserver:
     def _growth(self, before: WireEstimate, wire_c: float) -> float:
         """Return the factor of the unexplained power for a change of the wire temperature to `wire_c`.
 
-        A draft, or a lack of convection, grows with the excess over the ambient temperature. A lack of convection is
-        less than the whole loss. More power than that must not grow with the temperature that it raises: the estimate
-        would diverge.
+        The power of a draft (negative) is proportional to the excess over the ambient temperature, and so is the power
+        of a lack of convection (positive). A lack of convection is less than the whole heat loss. A larger positive
+        power has another cause, and its factor is 1: if this power grew with the temperature that it raises, the
+        estimate would diverge. A power up to `DRAFT_SHARE` of the heat loss has the factor 1, too.
         """
         excess_c = before.temperature_c - self._balance.ambient_c
         loss_w = self._balance.loss_w_per_k * excess_c

@@ -9,8 +9,8 @@ current, and the errors that do not average out: those of the leads, of the fit 
 The observer averages about N = `AVERAGED` samples. A constant error counts N times, because the observer must not take
 N samples with the same error for a better one.
 
-U/I is the resistance a delay ago (wire/identified_resistance.py). So the change that the model predicts for this delay
-is added.
+U/I is the resistance at a time `delay_s` before the measurement (wire/identified_resistance.py). So the change that the
+model predicts for this delay is added.
 
 While the wire cools, a sense current keeps the resistance observable (wire/observability.py).
 """
@@ -33,7 +33,8 @@ AVERAGED = 10.0
 SLOW_C_PER_S, FAST_C_PER_S = 12.0, 25.0
 """Limits for the measurement of the leads of a cold wire, K/s.
 
-The current may heat the wire at the first rate. At a larger rate than the second, no sample counts.
+The largest current during this measurement heats the wire at the first rate, or it is the sense current if that is
+larger. A sample does not count while the estimated temperature changes faster than the second rate.
 """
 
 MOST_NOISE = 0.3
@@ -66,7 +67,7 @@ class ResistanceSensor:
         self.cold_a = max(sqrt(slow_w / resistance.martensite_ohm), self.floor_a)
 
     def unknown_lead(self) -> LeadChange:
-        """Return the estimate of the leads before the first sample."""
+        """Return the state of the estimated leads before the first sample."""
         return LeadChange.unknown(self._resistance.martensite_ohm)
 
     def lead(
@@ -78,10 +79,10 @@ class ResistanceSensor:
         sensor: DisplacementReading,
         dt_s: float,
     ) -> LeadChange:
-        """Return the estimate of the leads after a measurement.
+        """Return the state of the estimated leads after a measurement; `lead` is the state before it.
 
-        `before` is the last estimate, and `ahead` the prediction for now. `sensor` is the displacement by a
-        sensor; without one, the leads are measured only while the wire is cold.
+        `before` is the last estimate of the wire, and `ahead` the prediction for the time of `measurement`. `sensor` is
+        the displacement by a sensor. Without this displacement, the leads are measured only while the wire is cold.
         """
         resistance = self._resistance
         later = lead.later(resistance.martensite_ohm, dt_s)
@@ -103,10 +104,10 @@ class ResistanceSensor:
     def displacement(
         self, lead: LeadChange, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
     ) -> DisplacementReading:
-        """Return the displacement by the resistance, for the arguments of `lead`.
+        """Return the displacement by the resistance; the method `lead` explains the arguments.
 
-        There is no reading without current, with too much noise, and while the wire is cold, because its phase is 0
-        then.
+        The result is `NO_READING` without current or voltage, if the standard deviation reaches `MOST_NOISE`, if the
+        resistance does not depend on the phase, and while the wire is cold, because its phase is then known to be 0.
         """
         resistance, temperature_c, wire = self._resistance, ahead.temperature_c, self._wire
         start = wire.phase(ahead.hysteresis)
@@ -123,11 +124,11 @@ class ResistanceSensor:
         return DisplacementReading(wire.cold_mm + wire.travel_mm * phase, noise * abs(wire.travel_mm))
 
     def is_cold(self, before: WireEstimate) -> bool:
-        """Return True if the wire is martensite after any history."""
+        """Return True if the wire is so cold in the estimate `before` that it is martensite after any history."""
         return max(before.temperature_c, before.thermocouple_c) < self.cold_c
 
     def measures_leads(self, measurement: Measurement) -> bool:
-        """Return True if the current is large enough to measure the leads of a cold wire. At rest it is zero."""
+        """Return True if the current is large enough to measure the leads of a cold wire."""
         return measurement.current_a > 0.5 * self.cold_a
 
     def _ohm(

@@ -3,9 +3,9 @@
 A sensor can fail: it gives no reading, or readings that the wire cannot have. The resistance then replaces it. While
 the sensor is valid, it calibrates the leads (lead.py), so the displacement does not jump when the source changes.
 
-A sensor is implausible if it moves differently from the model while the resistance does not. The difference d of a
-source from the model is summed over the ticks, and forgotten with the time constant `FORGET_S`, so that a slow error of
-the model does not count:
+A sensor is implausible if it moves differently from the model while the resistance moves like the model. The difference
+d of a source from the model is summed over the ticks, and forgotten with the time constant `FORGET_S`, so that a slow
+error of the model does not count:
 
     d <- d exp(-Δt/FORGET_S) + (change of the source) - (change that the model predicts)
 
@@ -15,12 +15,12 @@ The sensor is implausible in a tick if all of this holds:
     |d| of the sensor exceeds the limit
     |d| of the resistance is less than half of |d| of the sensor
 
-The limit is `MOST_SHARE` strokes, or `MOST_NOISES` standard deviations of the resistance if that is more. The sensor
-has failed after `FAILS_TICKS` such ticks in a row. If the sensor agrees with the model and the resistance does not, a
-contact has changed, and the sensor stays.
+The limit is `MOST_SHARE` strokes, or `MOST_NOISES` standard deviations of the displacement by the resistance if that is
+more. The sensor has failed after `FAILS_TICKS` implausible ticks in a row. If the sensor agrees with the model and the
+resistance does not, a contact has changed, and the sensor stays the source.
 
-    sensor --no reading--> resistance --valid for RETURNS_TICKS ticks, and agrees--> sensor
-    sensor --implausible--> failed: the resistance, until the end of the run
+    sensor --no reading, or implausible--> resistance --valid for RETURNS_TICKS ticks in a row, and agrees--> sensor
+    sensor --implausible for FAILS_TICKS ticks in a row--> failed: the resistance, until the end of the run
 """
 
 from __future__ import annotations
@@ -44,13 +44,19 @@ COLD_S = 2.5
 class SourceState(NamedTuple):
     """The state of the selection.
 
-    `lead` is the change of the leads. `apart_mm` and `resistance_apart_mm` are the differences d of the sensor and of
-    the resistance, `disagreement_mm` is the weighted mean of sensor - resistance. `before_mm` and
-    `resistance_before_mm` are the last displacements, NaN without one. `suspect_ticks` counts the latest ticks in a row
-    with an implausible sensor, `valid_ticks` those with a plausible reading. `has_sensor` is True after the first
-    reading of the sensor. `is_replaced` is True while the sensor is not used after its first reading. `failed` is True
-    after `FAILS_TICKS` implausible ticks. `source` is the present source. `cold_s` is the time for which the leads of
-    the cold wire were measured, s; inf once the wire has been warm.
+    lead                   state of the estimated leads
+    apart_mm               difference d between the sensor and the model, mm
+    resistance_apart_mm    difference d between the displacement by the resistance and the model, mm
+    disagreement_mm        weighted mean of sensor - resistance, mm
+    before_mm              displacement by the sensor in the last tick, mm; NaN if there was none
+    resistance_before_mm   displacement by the resistance in the last tick, mm; NaN if there was none
+    suspect_ticks          number of latest ticks in a row with an implausible sensor
+    valid_ticks            number of latest ticks in a row with a plausible reading of the sensor
+    has_sensor             True after the first reading of the sensor
+    is_replaced            True while a sensor that has given a reading is not the source
+    failed                 True after `FAILS_TICKS` implausible ticks in a row, until the end of the run
+    source                 source of the last tick; NONE if the tick had no displacement
+    cold_s                 time for which the leads of the cold wire were measured, s; inf once the wire has been warm
     """
 
     lead: LeadChange
@@ -69,12 +75,12 @@ class SourceState(NamedTuple):
 
     @property
     def needs_resistance(self) -> bool:
-        """True while the resistance is the source, also in a tick whose current is too small for it."""
+        """True if the resistance gave the displacement of the last tick, and always while it replaces the sensor."""
         return self.is_replaced or self.source is DisplacementFrom.RESISTANCE
 
     @property
     def in_force(self) -> DisplacementFrom:
-        """The source in force. It may differ from the chosen one, and is `NONE` while that shows nothing."""
+        """The source in force: `RESISTANCE` if `needs_resistance`, else `source`. It may differ from the chosen one."""
         return DisplacementFrom.RESISTANCE if self.needs_resistance else self.source
 
 
@@ -88,8 +94,9 @@ class Selected(NamedTuple):
 class SourceSelection:
     """Selects the displacement of each tick.
 
-    `chosen` is the source that the user has chosen. `resistance` is None for a wire whose resistance is not identified.
-    `noise_mm` is the standard deviation of the sensor's noise, `stroke_mm` the stroke.
+    `chosen` is the source that the user has chosen. `resistance` measures the displacement by the resistance; it is
+    None if the resistance of the wire is not identified. `noise_mm` is the standard deviation of the noise of the
+    displacement sensor, `stroke_mm` the stroke.
     """
 
     def __init__(
@@ -104,26 +111,29 @@ class SourceSelection:
         return SourceState(lead)
 
     def adopt(self, state: SourceState, before: SourceSelection) -> SourceState:
-        """Return the state with which this selection continues that of `before`.
+        """Return the state with which this selection continues from `state`, a state of the selection `before`.
 
-        Another chosen source is judged anew. The leads stay those that were measured.
+        If both have the same chosen source, the result is `state`. Otherwise only the measured leads are kept.
         """
         if before._chosen is self._chosen:
             return state
         return SourceState(state.lead, cold_s=state.cold_s)
 
     def start_mm(self, measurement: Measurement) -> float:
-        """Return the displacement of the sensor if it is the source, otherwise NaN."""
+        """Return the displacement of the sensor if the sensor is the chosen source, otherwise NaN."""
         return self._sensor(measurement).mm
 
     def floor_a(self, state: SourceState) -> float:
-        """Return the least current in A that keeps the resistance observable; 0 while nothing needs the resistance."""
+        """Return the least current in A that keeps the resistance observable; 0 while the resistance is not needed."""
         if self._resistance is None or not state.needs_resistance:
             return 0.0
         return self._resistance.floor_a
 
     def most_a(self, state: SourceState) -> float:
-        """Return the largest current in A. It is finite only at the beginning, while the leads are measured."""
+        """Return the largest current in A; infinite except at the beginning of a run by resistance.
+
+        At the beginning the leads of the cold wire are measured, for at most `COLD_S`.
+        """
         if self._resistance is None or self._chosen is not DisplacementFrom.RESISTANCE or state.cold_s > COLD_S:
             return inf
         return self._resistance.cold_a
@@ -133,7 +143,7 @@ class SourceSelection:
     ) -> tuple[SourceState, Selected]:
         """Return the next state and the displacement of this tick.
 
-        `before` is the last estimate, and `ahead` the prediction for now.
+        `before` is the last estimate of the wire, and `ahead` the prediction for the time of `measurement`.
         """
         sensor = self._sensor(measurement)
         if self._resistance is None:
@@ -166,7 +176,10 @@ class SourceSelection:
         predicted_mm: float,
         dt_s: float,
     ) -> SourceState:
-        """Return the state with the differences of both sources from the model."""
+        """Return the state after sensor and resistance are compared with each other and with the model.
+
+        `predicted_mm` is the change of the displacement that the model predicts for this tick.
+        """
         keep = exp(-dt_s / FORGET_S)
         apart_mm = _apart(keep * state.apart_mm, state.before_mm, sensor.mm, predicted_mm)
         if state.has_sensor and not state.valid_ticks and not state.suspect_ticks and isfinite(resistance.mm):

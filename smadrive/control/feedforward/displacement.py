@@ -28,16 +28,16 @@ REVERSAL_S = 1.0
 """Approximate time in which a wire crosses its hysteresis to the other branch and back, s."""
 
 WAITING_RANGE_C = 0.5
-"""A wire that leads the reference waits at most this far below (on cooling: above) its present temperature, K."""
+"""A waiting wire is at most this far behind the branch that it needs next, K: below it on heating, above on cooling."""
 
 READY = 0.0003
-"""The next branch of a waiting wire begins where the wire would move by this fraction of the stroke."""
+"""The branch that a waiting wire needs next begins where the wire has moved by this fraction of the stroke."""
 
 MOST_K = 200.0
 """Largest derivative of the temperature with respect to the phase, K.
 
-In the middle of the loop it is about 20 K. At the foot of a branch, where the wire begins to move, it is unlimited: the
-slightest movement of the setpoint would request the largest power.
+In the middle of the loop this derivative is about 20 K. At the foot of a branch, where the wire begins to move, it has
+no bound: without this limit the slightest movement of the setpoint would request the largest power.
 """
 
 COLD_END = 0.003
@@ -51,7 +51,7 @@ FOOT_S = 2.0
 """A cold wire is heated this long before it must move, s: about the time until its transformation begins."""
 
 COLDER_C = 5.0
-"""The target of a cold wire is this far below the model's range, K, so that sensor noise commands no heat."""
+"""The target temperature of a cold wire is this far below the model's range, K: sensor noise then commands no heat."""
 
 BRANCH_POINTS = 2000
 """Number of points in the table of the heating branch."""
@@ -59,7 +59,7 @@ BRANCH_POINTS = 2000
 BEYOND_C = 1.0
 """The target is at most this far above the heating branch at the setpoint, K.
 
-No state needs more. A stuck displacement sensor would otherwise request more and more.
+No state needs more. Without this limit, a stuck displacement sensor would request a higher and higher temperature.
 """
 
 MAP_LEVELS = 50
@@ -98,9 +98,9 @@ class DisplacementInverse(Protocol):
 
 
 class HysteresisInverse:
-    """The exact inverse of a hysteresis model, and a wait for a wire that is ahead of the reference.
+    """The exact inverse of a hysteresis model. A wire that is a little ahead of the reference waits.
 
-    A wire that is a little ahead of the reference waits. With a larger lead, the inverse lets the wire reverse.
+    With a larger lead, the inverse lets the wire reverse.
     """
 
     hysteretic = True
@@ -121,7 +121,8 @@ class HysteresisInverse:
 
         `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the cold end.
         `rate_mm_per_s` is the rate of the setpoint. An unreachable setpoint gives the end of the model's temperature
-        range, and the derivative 0. The target is never far above the heating branch at the setpoint.
+        range, and the derivative 0; for a cold wire see `COLDER_C`. The target is at most `BEYOND_C` above the heating
+        branch at the setpoint.
         """
         soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
@@ -154,7 +155,7 @@ class HysteresisInverse:
         """Return a target a little behind the branch of `direction`, where the wire waits for the reference.
 
         A wire between the branches hardly moves with its temperature. So it waits where it can move on at once: next to
-        the branch that the reference needs. At an end of the travel no wire moves, and it waits where it is.
+        the branch that the reference needs. A wire at an end of its travel waits near its present temperature.
         """
         if not COLD_END < (state.y - self._cold_mm) / self._travel_mm < 1.0 - COLD_END:
             return TemperatureTarget(state.v - direction * WAITING_RANGE_C, 0.0, state.y)
@@ -222,7 +223,7 @@ class Feedforward(NamedTuple):
 
 
 class DisplacementFeedforward:
-    """Computes temperature setpoint and power for a displacement setpoint and its rate (inverse heat balance)."""
+    """Computes temperature (by the inverse hysteresis) and power (by the inverse heat balance) for a displacement."""
 
     def __init__(self, inverse: DisplacementInverse, wire: WireModel) -> None:
         self._inverse = inverse
@@ -232,9 +233,9 @@ class DisplacementFeedforward:
     def update(self, estimate: WireEstimate, setpoint_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
         """Return temperature setpoint and power for the displacement `setpoint_mm`, which moves at `rate_mm_per_s`.
 
-        `estimate` is the estimated state of the wire, whose shift of the transformation is added to the temperature of
-        the inverse. `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the
-        cold end.
+        `estimate` is the estimated state of the wire. Its `shift_c` is added to the temperature of the inverse, and its
+        `disturbance_w` is subtracted from the power. `direction` is the direction of the reference: +1 towards the hot
+        end of the travel, -1 towards the cold end.
         """
         target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s)
         rate_c_per_s = target.k_per_mm * rate_mm_per_s

@@ -2,10 +2,10 @@
 
 At a reversal the temperature must change by many kelvin, from one branch to the other, and meanwhile the wire hardly
 moves. The surroundings limit the cooling. A wire that reverses together with the reference is late by the whole time of
-this crossing. A wire that reverses too early does not reach the peak of the reference. The preview begins the reversal
-when both errors are equal, which makes the larger error as small as possible. To find this moment, it simulates a wire
-that begins to reverse now: at zero power if the wire must cool, at full power if the wire must heat up. It compares
-this wire with the reference at `POINTS` times.
+this crossing, so it has an error after the peak. A wire that reverses early does not reach the peak, so it has an error
+before the peak. The preview begins the reversal when these two errors are equal: the larger error is then as small as
+possible. To find this moment, the preview simulates a wire that begins to reverse now: at zero power if the wire must
+cool, at full power if the wire must heat up. It compares the simulated wire with the reference at `POINTS` times.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ HORIZON = 0.6
 MISSED = 0.01
 """Largest allowed error before the peak, as a fraction of the stroke.
 
-While the error would be larger, no reversal begins, even if this makes the wire late, as at a step.
+While the error would be larger, no reversal begins, even if the wire is then late, for example at a step.
 """
 
 BEYOND = 0.01
-"""A wire that is beyond the meeting point by this fraction of the stroke has crossed its hysteresis too early."""
+"""A wire that is beyond the meeting point by more than this fraction of the stroke has ended its reversal early."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class Reversal:
 
 
 class _Crossing(NamedTuple):
-    """A reversal that begins now.
+    """A simulated reversal that begins now.
 
     `meets_s` is the time at which the wire meets the reference. `early` and `late` are the largest errors before and
     after the peak of the reference, in strokes.
@@ -72,8 +72,8 @@ class _Crossing(NamedTuple):
     def is_due(self) -> bool:
         """True if the reversal must begin now.
 
-        Two conditions must be true. The error after the peak is at least as large as the error before it, so that a
-        later beginning would be worse. The error before the peak is at most `MISSED`.
+        Three conditions must be true. The error after the peak is not zero. It is at least as large as the error before
+        the peak, so that a later beginning would be worse. The error before the peak is at most `MISSED`.
         """
         return self.late >= self.early and self.late > 0.0 and self.early <= MISSED
 

@@ -132,7 +132,7 @@ class Reference:
 
     @cached_property
     def _reversals(self) -> tuple[list[float], list[float]]:
-        """Return the times of the reversals and the directions after them, for two cycles if there are cycles."""
+        """Return the times of the reversals and the directions after them, of two cycles of a repeated reference."""
         times, values = self.times_s, self.displacement_mm
         if self.endless or self.repeats > 1:
             again = times > self.scored_from_s
@@ -216,7 +216,8 @@ class Reference:
     def with_approach(self, from_mm: float, approach_s: float) -> Reference:
         """Return the table of this reference after a minimum-jerk approach, as a reference that runs once.
 
-        The approach begins at the displacement `from_mm` and lasts `approach_s`.
+        The approach begins at the displacement `from_mm` and lasts `approach_s`. Without a duration above 0, the result
+        is this reference itself.
         """
         if approach_s <= 0:
             return self

@@ -40,7 +40,8 @@ def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
     """Return the reference that the line `spec` describes, such as `sine:low_mm=2,high_mm=9,period_s=56`.
 
     ConfigError for an unknown shape, for unknown, repeated or missing keys, and for an impossible value. The error
-    lists the shapes or the keys. DataError for a reference that is too short, too fast or longer than `longest_s`.
+    lists the shapes or the keys. DataError (a ConfigError) for NaN, for a displacement that no wire has, and for a
+    reference that is too short, too fast or longer than `longest_s`.
     """
     where = f"{WHERE} '{spec}'"
     shape, _, arguments = spec.partition(":")
@@ -196,9 +197,10 @@ def _held(levels_mm: FloatArray, hold_s: float, *, every_s: float) -> Reference:
 
 
 def _check(*, may_hold: bool = False, **keys: float) -> None:
-    """Raise DataError for an impossible displacement, and ConfigError for any other key that is not positive.
+    """Raise DataError for NaN and for a displacement that no wire has.
 
-    ConfigError also for a value that is not a number, and for equal levels. `may_hold` permits equal levels.
+    ConfigError for a value of another type, for a value of 0 or below except a displacement, and for equal levels
+    unless `may_hold` is True.
     """
     for name, given in keys.items():
         value = real_number(given, f"{WHERE}: {name}")

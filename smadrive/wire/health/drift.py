@@ -1,8 +1,8 @@
 """The drift of a wire since its identification, and the time to identify it again.
 
 A quantity q (resistance at rest, stroke, place of a branch) has the drift d = q_run - q_identified, with the standard
-error s of both. It counts if |d| > `SIGNIFICANT` s in each of the last `LAST_RUNS` runs that measured it, always in the
-same direction. The drifts that count cause the tracking error e = √Σ (g d)², with the sensitivity g of each quantity.
+error s of both. The drift counts if |d| > `SIGNIFICANT` s in each of the last `LAST_RUNS` runs that measured q, always
+in the same direction. The drifts that count cause the tracking error e = √Σ (g d)²; g is the sensitivity of a quantity.
 The wire is to be identified again when e exceeds the error that an identification leaves (sensitivity.py).
 
 A resistance at rest that has jumped is no drift: in the last run it lies outside the tolerance that fault 20 checks
@@ -54,12 +54,12 @@ DRIFTED = (HealthVerdict.JUMPED, HealthVerdict.DRIFTED, HealthVerdict.IDENTIFY_A
 class Drift(NamedTuple):
     """The drift of one quantity, in the unit of the quantity.
 
-    before         at the identification
-    now            in the last run that measured it
+    before         value at the identification
+    now            value in the last run that measured the quantity
     change         now - before, with the standard error of both
     per_cycle      slope over the cycles since the identification; unknown for fewer than three runs
-    counts         True if each of the last runs shows it
-    error_percent  tracking error that it causes, in % of the stroke
+    counts         True if each of the last `LAST_RUNS` runs shows the drift, always in the same direction
+    error_percent  tracking error that the drift causes, in % of the stroke
     """
 
     before: Estimate
@@ -71,7 +71,7 @@ class Drift(NamedTuple):
 
     @property
     def is_significant(self) -> bool:
-        """True if the change in the last run exceeds its standard error so far that it is not chance."""
+        """True if the change in the last run exceeds `SIGNIFICANT` standard errors, so that it is not chance."""
         return _is_significant(self.change)
 
 
@@ -86,6 +86,8 @@ class Moved(NamedTuple):
 class WireHealth(NamedTuple):
     """The health of a wire since its last identification.
 
+    verdict            verdict of the record about the wire
+    identified         time of the last identification (ISO 8601, UTC)
     runs, cycles       runs and cycles since this identification
     all_cycles         cycles in the whole record
     drifts             drift of each quantity of `QUANTITIES`; empty before the first run
@@ -93,7 +95,7 @@ class WireHealth(NamedTuple):
     adapted_moved      change from the first identification to the last adapted model; None without adaptation
     error_percent      tracking error that the drifts cause, in % of the stroke
     allowed_percent    error that an identification leaves
-    cycles_left        cycles after which the error reaches the allowed error; NaN if no end is in sight
+    cycles_left        cycles until the error reaches the allowed error; NaN if the error is zero or has reached it
     """
 
     verdict: HealthVerdict
@@ -133,7 +135,7 @@ class WireHealth(NamedTuple):
 def wire_health(entries: Sequence[HealthEntry], gains: Sequence[float], allowed_percent: float) -> WireHealth | None:
     """Return the health of the wire from the entries of its record; None without an identification.
 
-    `gains` are the errors in % of the stroke for each unit of a change of `QUANTITIES`, in this order.
+    `gains` are the errors in % of the stroke for a change of each of the `QUANTITIES` by one unit, in this order.
     """
     starts = [number for number, entry in enumerate(entries) if entry.is_identification]
     if not starts:
@@ -160,7 +162,10 @@ def wire_health(entries: Sequence[HealthEntry], gains: Sequence[float], allowed_
 
 
 def gains_of(found: ErrorGains, rest_ohm: float, stroke_mm: float) -> tuple[float, float, float, float]:
-    """Return the errors for each unit of a change of `QUANTITIES`, for a wire with this resistance and stroke."""
+    """Return the errors in % of the stroke for a change of each of the `QUANTITIES` by one unit (Ω, K, K, mm).
+
+    `rest_ohm` is the resistance at rest of the wire, and `stroke_mm` its stroke.
+    """
     return found.rest / rest_ohm, found.heating_per_k, found.cooling_per_k, found.stroke / stroke_mm
 
 
@@ -192,7 +197,7 @@ def _count(runs: Sequence[HealthEntry], name: str) -> int:
 
 
 def _drift(identified: HealthEntry, runs: Sequence[HealthEntry], name: str, gain: float) -> Drift | None:
-    """Return the drift of the quantity `name`; None if no run, or not the identification, has measured it."""
+    """Return the drift of the quantity `name`; None if no run has measured it, or if the identification has not."""
     before: Estimate = getattr(identified, name)
     found: list[Estimate] = [getattr(run, name) for run in runs if getattr(run, name).is_known]
     if not (found and before.is_known):
@@ -211,7 +216,7 @@ def _change(before: Estimate, now: Estimate) -> Estimate:
 
 
 def slope(cycles: Sequence[float] | np.ndarray, values: Sequence[Estimate]) -> Estimate:
-    """Return the slope of `values` over `cycles` by least squares, and its standard error from the scatter.
+    """Return the slope of `values` over `cycles` by least squares, and its standard error from their scatter.
 
     Unknown for fewer than three values, and if all have the same number of cycles.
     """

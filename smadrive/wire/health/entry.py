@@ -1,4 +1,4 @@
-"""One entry of a health record: the wire as one identification or one run has found it."""
+"""One entry of a health record: the properties of the wire that one identification or one run has measured."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import BaseModel, BeforeValidator, ConfigDict
 
 IDENTIFICATION = "identification"
-"""The `kind` of an entry that holds the wire file itself. Every other kind is that of a run."""
+"""The `kind` of an entry that describes an identification. Every other kind is the kind of a run."""
 
 
 def _nan_for_null(value: Any) -> Any:
@@ -32,7 +32,7 @@ class Estimate(NamedTuple):
 
 
 class LoopShape(NamedTuple):
-    """The places of the branches in °C, where they pass the middle of the stroke, and the stroke in mm."""
+    """The places of the branches, °C, and the stroke, mm. A branch passes the middle of the stroke at its place."""
 
     heating_c: Number
     cooling_c: Number
@@ -40,7 +40,7 @@ class LoopShape(NamedTuple):
 
 
 class HealthEntry(BaseModel):
-    """The wire as one identification or one run has found it.
+    """The properties of the wire that one identification or one run has measured.
 
     kind             `identification`, or the kind of the run as in its log
     begun            start of the run, or time of the identification (ISO 8601, UTC)
@@ -48,13 +48,13 @@ class HealthEntry(BaseModel):
     cycles           cycles of the wire during the run
     log              name of the log, without its folder
     tripped          True if a trip ended the run
-    rest_ohm         resistance at rest: of the cold wire, with leads and contacts
+    rest_ohm         resistance at rest: of the cold wire, with leads and contacts, Ω
     rest_spread      largest deviation of the resistance from the model during the run, as a share
     rest_c           mean temperature of the wire at which rest_ohm was measured, °C
     reference_c      temperature to which rest_ohm is corrected, °C; unknown without a temperature coefficient
-    stroke_mm        stroke of the wire
-    heating_c        place of the heating branch
-    cooling_c        place of the cooling branch
+    stroke_mm        stroke of the wire, mm
+    heating_c        place of the heating branch: its temperature at the middle of the stroke, °C
+    cooling_c        place of the cooling branch, °C
     model_percent    RMS error of the model of the wire file in this run, or of its fit, in % of the stroke
     rms_percent      RMS of the tracking error, in % of the stroke
     max_percent      largest tracking error, in % of the stroke
@@ -83,5 +83,5 @@ class HealthEntry(BaseModel):
 
     @property
     def is_identification(self) -> bool:
-        """True for the entry of a wire file, False for the entry of a run."""
+        """True for the entry of an identification, False for the entry of a run."""
         return self.kind == IDENTIFICATION

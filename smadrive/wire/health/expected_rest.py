@@ -19,19 +19,18 @@ RUNS, LEAST_RUNS = 8, 3
 """The tolerance comes from the last `RUNS` runs without a trip, if there are at least `LEAST_RUNS` of them."""
 
 GATE = 2.0
-"""The tolerance, as a multiple of the second largest deviation of these runs."""
+"""The tolerance, as a multiple of the second largest deviation of the last runs."""
 
 LEAST_TOLERANCE, MOST_TOLERANCE = 0.03, 0.25
 """Smallest and largest tolerance, as shares of the resistance.
 
-A sound crimp that is moved changes the resistance by some percent.
-
-The largest tolerance is the largest deviation of a sound wire, as the head of this file explains.
+The smallest tolerance allows for a sound crimp that is moved: this changes the resistance by some percent. The largest
+tolerance is the largest deviation of a sound wire, as the head of this file explains.
 """
 
 
 class ExpectedRest(NamedTuple):
-    """The expected resistance at rest in Ω, and the tolerance as a share of it."""
+    """The expected resistance at rest in Ω, and its tolerance as a share of this resistance."""
 
     ohm: float
     tolerance: float
@@ -40,9 +39,9 @@ class ExpectedRest(NamedTuple):
 def expected_rest(entries: Sequence[HealthEntry], model: str, identified_ohm: float) -> ExpectedRest:
     """Return the expected resistance at rest of the next run, and its tolerance.
 
-    `entries` are those of the wire's record, `model` is the key of its model, `identified_ohm` its cold resistance in
-    the wire file. Only runs since the last identification count. No run counts if that identification gave another
-    model.
+    `entries` are the entries of the wire's record. `model` is the key of the wire's model, `identified_ohm` the cold
+    resistance in the wire file. Only runs since the last identification count. No run counts if the last identification
+    gave another model than `model`.
     """
     starts = [number for number, entry in enumerate(entries) if entry.is_identification]
     if not starts or entries[starts[-1]].model != model:

@@ -1,8 +1,8 @@
 """The health record of a wire: the file beside the wire file, `wire.health.jsonl` beside `wire.json`.
 
-The file has one JSON object a line, and only grows. A line has the version of its schema and a CRC-32 of its other
-text. An entry is appended by one `write`, under a lock of the file. So a program that is killed leaves at most an
-incomplete last line, and two programs at once leave two lines. A reader leaves a damaged line out and says so.
+The file has one JSON object a line, and only grows. Each object has the version of its schema and a CRC-32 of its other
+fields. An entry is appended by one `write`, under a lock of the file. So a program that is killed leaves at most an
+incomplete last line, and two programs at once leave two lines. `read_health` leaves a damaged line out, with a caveat.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MOST_BYTES = 1 << 26
 """The largest record, bytes: about 80,000 runs."""
 
 LOCK_WITHIN_S = 2.0
-"""Longest wait for another program that appends. After it, the entry is written without the lock."""
+"""Longest wait for another program that holds the lock, s. After this time the entry is written without the lock."""
 
 _LOOK_AGAIN_S = 0.01
 _SIDE_PRODUCT = "runs need no record; move the file away to begin a new one"
@@ -57,8 +57,8 @@ def health_file(wire_file: Path) -> Path:
 def read_health(wire_file: Path) -> HealthRecord:
     """Return the record of the wire in `wire_file`; it is empty if the file does not exist.
 
-    Entries that cannot be used are left out, and a caveat counts them. DataError when the file cannot be read, or has
-    no usable entry.
+    Entries that cannot be used are left out, and a caveat counts them. DataError when the file cannot be read, is too
+    large, or has only damaged lines; a single incomplete line is no error.
     """
     path = health_file(wire_file)
     content = _content(path)
@@ -125,7 +125,7 @@ def _caveats(name: str, newer: list[int], damaged: list[int], lines: int) -> Ite
     """Yield one sentence for each reason why entries are left out. `newer` and `damaged` are numbers of lines."""
     if damaged and damaged[-1] == lines:
         damaged = damaged[:-1]
-        yield f"{name}: the last entry is incomplete and left out, because its program was killed while it wrote"
+        yield f"{name}: the last entry is incomplete and left out: the program that wrote it was killed"
     if damaged:
         yield f"{name}: left out: {count_text(len(damaged), 'damaged line')}, the first is line {damaged[0]}"
     if newer:
@@ -134,7 +134,7 @@ def _caveats(name: str, newer: list[int], damaged: list[int], lines: int) -> Ite
 
 @contextmanager
 def _appending(path: Path) -> Iterator[int]:
-    """Yield the descriptor of the open file, which is locked if its file system has locks."""
+    """Yield the descriptor of the open file. The file is locked if its file system has locks, see `LOCK_WITHIN_S`."""
     descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o666)
     try:
         _lock(descriptor)

@@ -10,7 +10,7 @@ The reference is taken as uniform over the stroke, and a branch as a Gaussian wi
   This error acts like a shift of both branches.
 
 `allowed_percent` is the error that no identification removes: the error of the fit, and the error that the noise of the
-thermocouple causes as a shift. A drift that costs more than this makes another identification worthwhile.
+thermocouple causes as a shift. Another identification is worthwhile if a drift causes a larger error than this.
 """
 
 from __future__ import annotations
@@ -26,9 +26,13 @@ STROKE = 1.0 / sqrt(3.0)
 
 
 class ErrorGains(NamedTuple):
-    """The error in % of the stroke for each unit of a change, and the error that is allowed.
+    """The errors that changes of a wire cause, and the allowed error; errors are in % of the stroke (RMS).
 
-    Each direction takes half of the time, so the shift of one branch counts by 1/√2.
+    heating_per_k     error for a shift of the heating branch by 1 K, with the factor 1/√2 because it acts half the time
+    cooling_per_k     the same for the cooling branch
+    stroke            error for a change of the stroke by its whole length
+    rest              error for a change of the resistance at rest by its whole value
+    allowed_percent   error that no identification removes
     """
 
     heating_per_k: float
@@ -39,7 +43,7 @@ class ErrorGains(NamedTuple):
 
 
 class LoopWidths(NamedTuple):
-    """Standard deviations of both branches in K, and the height of the loop's middle above the ambient temperature."""
+    """Standard deviations of both branches, and the loop's middle temperature minus the ambient temperature, in K."""
 
     heating_k: float
     cooling_k: float
