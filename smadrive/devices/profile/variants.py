@@ -1,4 +1,4 @@
-"""Models of one family whose registers differ in scale, limits or address, or are absent.
+"""Models of one family. Their registers differ in address, scale, offset or limits, or are absent in some models.
 
 A channel array `tc` of count 8 is eight registers `tc_0` to `tc_7`; an override of `tc` applies to all of them.
 """
@@ -16,7 +16,7 @@ from smadrive.files.spelling import suggestion_or_list
 
 
 def expanded(registers: Mapping[str, Register]) -> dict[str, Register]:
-    """Return the registers, with each channel of an array as a register of its own, numbered from 0."""
+    """Return the registers. Each channel of an array becomes a register of its own, numbered from 0."""
     channels = {}
     for name, register in registers.items():
         step = register.stride or register.size
