@@ -198,7 +198,10 @@ class Device:
             self._registers.confirm(write, self._registers.words(write.name, proved=True))
 
     def _keep_order(self, name: str) -> None:
-        """Write the registers that `write_order` demands first; ConfigError if the caller must do so and has not."""
+        """Write the registers that `write_order` demands first.
+
+        ConfigError if a rule has no value and the caller has not written the register of the rule yet.
+        """
         for rule in self.profile.write_order:
             if rule.before not in ("*", name) or rule.write == name:
                 continue

@@ -98,7 +98,7 @@ class IdentityCheck:
         """
 
     def judge(self, readings: Mapping[str, RegisterReading], expected: Identity) -> ProvedModel:
-        """Return the model that the readings prove; IdentityError for another type or identity."""
+        """Return the model that the readings prove; IdentityError if type or identity is another one."""
         family = self._family
         check_type(family.identify, readings, family.profile.id, self._where)
         identity = identity_of(family, readings)

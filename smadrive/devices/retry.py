@@ -21,7 +21,7 @@ The first two are 0, because a wrong reply needs no pause. A lost connection nee
 def retry_all(steps: Sequence[Callable[[], None]], clock: Clock) -> None:
     """Run all steps in rounds, until no step fails in a round.
 
-    The pauses between the rounds are `PAUSES_S`. If a step fails in the last round, raise its first error.
+    The pauses between the rounds are `PAUSES_S`. If steps fail in the last round, raise the first error of this round.
     """
     for pause_s in (*PAUSES_S, None):
         failed: Exception | None = None

@@ -29,7 +29,7 @@ from smadrive.modbus.transports.connect import open_transport, port_of
 from smadrive.modbus.transports.transport import SerialSettings, Transport
 
 SILENT = 3
-"""A unit that answers none of this number of requests counts as absent."""
+"""A unit that answers none of its first `SILENT` requests counts as absent."""
 TIMEOUT_MS = 200.0
 """Shortest response timeout of a scan. A profile with a longer timeout keeps its own."""
 PATIENCE_MS = 500.0

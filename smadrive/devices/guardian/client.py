@@ -178,7 +178,7 @@ class GuardianClient:
     def stand_down(self) -> None:
         """End the watch after the driver has confirmed the source off.
 
-        If the guardian is taking over at this moment, wait up to `FREES_WITHIN_S` until it has finished, then kill it.
+        If the guardian is taking over at this moment, wait until it has finished; after `FREES_WITHIN_S` kill it.
         """
         if self._state is not WatchState.STANDING_BY:
             self._state = WatchState.STANDING_BY

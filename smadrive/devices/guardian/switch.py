@@ -21,7 +21,7 @@ from smadrive.modbus.transports.transport import Transport
 
 
 class LineAccess:
-    """Access to the line: the locks of the driver while the driver lives, then own locks, for one attempt at a time."""
+    """Access to the line: while the driver lives, its locks are shared; afterwards, each attempt locks the line."""
 
     def __init__(self, shared: Iterable[SharedLock]) -> None:
         self._shared = [LineLock(*lock) for lock in shared]

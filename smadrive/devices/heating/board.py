@@ -21,7 +21,7 @@ from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ExceptionReply, ProtocolError, SafetyError
 
 STALE_S = 0.5
-"""If the sample counter stands still for longer, in s, the temperature is invalid. A board converts every 0.1 s."""
+"""Longest time in s without a new sample before the temperature is invalid. A board converts at least every 0.1 s."""
 
 SEQUENCES = range(0x0100, 0x10000)
 """The sequence numbers. The registers next to the echo hold only smaller numbers."""

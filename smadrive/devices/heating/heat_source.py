@@ -20,7 +20,10 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class HeaterLimits:
-    """The limits of the rig, which the driver keeps even if the device would allow more; inf: no voltage limit."""
+    """The limits of the rig, which the driver keeps even if the device would allow more.
+
+    Without a voltage limit, `voltage_max_v` is infinite.
+    """
 
     current_max_a: float
     temperature_max_c: float
@@ -45,7 +48,8 @@ class Supplied(NamedTuple):
 
     current_a, voltage_v         of the period that just ended; NaN if unknown
     armed                        state of the device at present; another program may have armed it
-    faults, limits               names of the faults, and of the limits that hold the current back, by the device
+    faults                       names of the faults of the device
+    limits                       names of the limits of the device that lower the current
     temperature, displacement    None if the source does not measure the quantity
     problem                      reason why current or voltage is unknown; None if both are known
     """
@@ -69,7 +73,7 @@ class HeatSource(Protocol):
     measures: frozenset[str]
     """The quantities that the source itself measures: temperature, displacement, both or none."""
     has_watchdog: bool
-    """True if the source switches off by itself when no request arrives."""
+    """True if the source switches off by itself when no new command arrives."""
     settle_s: float
     """Time in seconds that the output takes to reach a new command."""
 

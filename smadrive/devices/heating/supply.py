@@ -88,8 +88,9 @@ class BenchSupply(DeviceSource[Device]):
         )
 
     def enter_safe_state(self) -> None:
-        """Set zero current and switch the output off, confirmed by read-back. The voltage limit is
-        not checked any more until `configure` has set it again.
+        """Set zero current and switch the output off, confirmed by read-back.
+
+        The voltage limit is not checked any more until `configure` has set it again.
         """
         self._voltage_set = None
         super().enter_safe_state()

@@ -18,10 +18,10 @@ LOOK_AGAIN_S = 0.05
 
 
 def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
-    """Wait until no current flows from `source`, and return its last measurements. It must be in its safe state.
+    """Wait until no current flows from `source`, and return its last measurements.
 
-    SafetyError when current still flows after the allowed time, or the source still reports that it is armed. If the
-    exchange fails then, raise the error of the exchange.
+    `source` must be in its safe state. SafetyError when current still flows after the allowed time, or the source still
+    reports that it is armed. If the exchange fails then, raise the error of the exchange.
     """
     give_up_s = clock.now_s() + source.settle_s + CURRENT_GONE_S
     while True:

@@ -140,7 +140,7 @@ class Profile(Section):
         return self.model_copy(update=changes)
 
     def chosen(self, choice: str) -> Profile:
-        """Return the profile of the variant `choice`, or of the model with these raw values (`model_id=60120`).
+        """Return the profile of the variant `choice`, or of the model if `choice` is a raw value (`model_id=60120`).
 
         ConfigError if there is no such variant or model, or several such models.
         """

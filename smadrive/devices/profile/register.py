@@ -96,7 +96,7 @@ class Register(Section):
 
     @cached_property
     def exchangeable(self) -> bool:
-        """True if an FC23 exchange may write the register: not if it is nonvolatile, dependent, or in a block."""
+        """True if an FC23 exchange may write the register. False if it is nonvolatile, dependent or in a block."""
         return not (self.nonvolatile or self.depends_on or self.block)
 
     @cached_property

@@ -102,7 +102,7 @@ def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
 
 
 def check_safe_state(steps: tuple[SafeWrite, ...], rules: tuple[WriteOrder, ...], registers: Registers) -> None:
-    """Raise ValueError for a step without read-back, with a wrong value, or that must wait for another write."""
+    """Raise ValueError if the register of a step has no read-back, rejects the value, or needs another write first."""
     for step in steps:
         register = find_register(step.register_, registers, "safe_state.register")
         if register.access != "rw":

@@ -68,7 +68,7 @@ def has_switch(variants: Sequence[Variant], registers: Mapping[str, Register], r
 
 
 def refuse_ambiguity(variants: Sequence[Variant]) -> None:
-    """Raise ValueError if one device could match two variants."""
+    """Raise ValueError if one device could match two variants, or if two variants have the same `choice`."""
     for one, other in combinations((variant for variant in variants if variant.match), 2):
         shared = one.match.keys() & other.match.keys()
         if all(_overlap(one.match[name], other.match[name]) for name in shared):

@@ -51,7 +51,10 @@ class Holder(NamedTuple):
 
 
 class LineLock:
-    """The lock of one line, held until `release`. `descriptor` is the open lock file; NO_DESCRIPTOR without a file."""
+    """The lock of one line, held until `release` or the end of its `with` block.
+
+    `descriptor` is the descriptor of the open lock file; NO_DESCRIPTOR without a file and after `release`.
+    """
 
     def __init__(self, line: str, descriptor: int) -> None:
         self.line = line

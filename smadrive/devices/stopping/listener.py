@@ -25,11 +25,11 @@ from smadrive.posix import after_fork_in_child
 
 BACKLOG = 16
 MOST_ASKERS = 64
-"""Number of accepted requests after which a driver accepts no more: they wait in the backlog until the driver ends."""
+"""Number of requests that a driver accepts. Further requests wait in the backlog until the driver has ended."""
 
 
 class StopListener:
-    """Listens for requests to stop this driver, which messages call `where`. A context manager.
+    """Listens for requests to stop this driver. `where` is its name in messages. A context manager.
 
     Enter the context before the ports are opened, and leave it after they are closed: at its end, every program that
     sent a request learns that the line is free. After a request, the `with` block always ends with StoppedError. An
