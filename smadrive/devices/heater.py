@@ -134,7 +134,7 @@ class Heater:
         measurement = self._measurement(supplied, in_force_a, limits)
         if not isfinite(current_a):
             raise SafetyError(
-                "the commanded current is not a number, so zero was sent",
+                "the commanded current is not finite, so zero was sent",
                 where="current_a",
                 value=current_a,
                 cure="check the controller",

@@ -129,7 +129,7 @@ class Register(Section):
         """Raise ValueError if a write could be harmful or is impossible."""
         limits = self.min is not None and self.max is not None
         if not (limits or self.enum or self.bits or self.type == "bool"):
-            raise ValueError("a writable register needs min and max, so that no harmful value can be written")
+            raise ValueError("a writable register needs min and max, enum or bits, to exclude harmful values")
         if self.table in ("input", "discrete"):
             raise ValueError(f"table '{self.table}' cannot be written; access must be 'r'")
         if self.type == "string" or self.sign_register is not None:
@@ -137,7 +137,7 @@ class Register(Section):
         if self.evidence == "uncertain":
             raise ValueError(
                 "evidence is 'uncertain', so this register must not be written: set access to 'r', or verify the "
-                "register and set evidence to 'one' or 'two' sources"
+                "register and set evidence to 'one' or 'two' (sources)"
             )
         if self.min is not None and self.max is not None and self.min > self.max:
             raise ValueError(f"min {self.min:g} exceeds max {self.max:g}")
