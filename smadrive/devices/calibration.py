@@ -15,7 +15,7 @@ from smadrive.files.config import Section
 
 
 class SensorCorrection(NamedTuple):
-    """The straight line that converts the reading of a sensor to a value. The default changes nothing."""
+    """The straight line that converts the reading of a sensor to a value. The default leaves the reading unchanged."""
 
     offset: float = 0.0
     scale: float = 1.0
@@ -40,9 +40,11 @@ UNCORRECTED = Corrections()
 
 
 class SensorCalibration(Section):
-    """The common fields of the two calibrations: uncertainty of the scale, date (`on`), measured points (`evidence`).
+    """The common fields of the two calibrations. Every uncertainty is expanded (k = 2).
 
-    Uncertainties are expanded (k = 2). An unknown uncertainty is None.
+    scale_uncertainty    uncertainty of the scale; None if it is unknown
+    on                   date of the calibration
+    evidence             the measured points, as text
     """
 
     source_of_keys: ClassVar[str] = "`smadrive calibrate` writes this table"

@@ -1,12 +1,12 @@
 """A device on the bus, used by register names and in engineering units.
 
-Nothing is written before the identity of the device is proved, and a write counts as done only after its read-back. A
-new connection may lead to another device (two adapters of a hub exchange their names), so the device must prove its
-identity again. If the models of a family have different registers, the model must be known before a read, too. If a
+Nothing is written before the identity of the device is proved. `write` reads the register back if it can be read. A
+new connection may lead to another device (two USB adapters may have exchanged their names), so the device must prove
+its identity again. If the models of a family have different registers, the model must be known before a read, too. If a
 setting of the device changes the registers (a range switch), the driver reads this setting again before every write.
 
-A proof of the identity is valid until the connection is lost, or until an exchange fails (silence, an exception or a
-wrong read-back): then another device may be there. Without a valid proof, the identity is checked before these steps:
+A proof of the identity is valid until the connection is lost, or until an exchange fails (silence, an exception reply
+or a wrong read-back): then another device may be there. Without a valid proof, these steps first check the identity:
 
     read a register     only if the registers depend on the model, or an identity has been found before
     encode a write      only if the registers depend on the model (with a range switch: even with a valid proof)
@@ -38,9 +38,9 @@ _REFUTED = -1  # no connection has this number; `_proved_on` holds it after anot
 class Device:
     """A device of type `profile` at `unit_id` on the bus of `client`.
 
-    Without `unit_id` it has the unit id in the profile. `read_retries` replaces the value in the profile; periodic
-    pollers set 0. `identity` is the identity that the device must have. Without `identity`, the device must keep the
-    identity that it shows first.
+    unit_id         None: the unit id in the profile
+    read_retries    number of retries of a read; None: `retries` of the profile. Periodic pollers set 0
+    identity        the identity that the device must have; UNKNOWN: the identity that the device shows first
     """
 
     def __init__(
@@ -109,15 +109,15 @@ class Device:
             return self._registers.read(tuple(names), proved=proved)
 
     def write(self, name: str, value: float) -> None:
-        """Write one register and read it back, unless it is write-only. ReadBackError when the value did not arrive."""
+        """Write one register and read it back, if it can be read. ReadBackError when it reads another value."""
         with self._doubt:
             self._prove_model()
             self._write(self._registers.encode(name, value))
 
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, RegisterReading]:
-        """Write adjacent registers, read adjacent registers, and return the readings by name.
+        """Write `writes` and read `reads` in one FC23 transaction, and return the readings by name.
 
-        This is one FC23 transaction, which is never retried.
+        It is never retried. ConfigError when one request cannot write or read these registers.
         """
         with self._doubt:
             self._prove_model()
@@ -130,7 +130,7 @@ class Device:
     def command(
         self, name: str, value: float, reads: Sequence[str], *, proved: bool = False
     ) -> dict[str, RegisterReading]:
-        """Read `reads`, then write `value` to the register `name` unless it holds this value already.
+        """Read `reads`, then write `value` to the register `name`, unless the previous command wrote the same value.
 
         `reads` must include `name`. Return the readings by name; they show the effect of the previous command.
         ReadBackError when the register does not hold the value of the previous command.
@@ -156,8 +156,8 @@ class Device:
     def enter_safe_state(self) -> None:
         """Write the profile's safe state and confirm it by read-back; see `retry_all`.
 
-        A line can lose all replies and still deliver the requests. So a write without a reply is sent once more, and
-        nothing waits for its reply. The second write is harmless, and only a read-back confirms the safe state.
+        A line can lose all replies and still deliver the requests. So a failed write is sent once more, without waiting
+        for a reply. The second write is harmless. Only a read-back confirms the safe state.
         """
         steps = [partial(self._make_safe, step.register_, step.value) for step in self.profile.safe_state]
         retry_all([*steps, self._confirm_identity], self.client.clock)
@@ -198,7 +198,10 @@ class Device:
             self._registers.confirm(write, self._registers.words(write.name, proved=True))
 
     def _keep_order(self, name: str) -> None:
-        """Write the registers that `write_order` demands first; ConfigError if the caller must write one of them."""
+        """Write the registers that `write_order` demands first.
+
+        ConfigError if a rule has no value and the caller has not written the register of the rule yet.
+        """
         for rule in self.profile.write_order:
             if rule.before not in ("*", name) or rule.write == name:
                 continue

@@ -1,9 +1,9 @@
-"""The only way to heat: every commanded current goes through `Heater.exchange`.
+"""The only way to heat: every current above zero is commanded by `Heater.exchange`.
 
-`Heater` joins a heat source with the sensors of the wire. It clamps the current to [0, current_max_a], and to a limit
-that falls to zero within `DERATE_C` below temperature_max_c. The current is zero while the source is not armed, while
-the temperature is invalid or at its maximum, and when the command is not a number. Arming sets the limits and the
-watchdog of the source itself.
+`Heater` joins a heat source with the sensors of the wire. It clamps the current to [0, current_max_a]. Over the
+last `DERATE_C` below temperature_max_c, the upper limit falls linearly to zero. The current is zero while the source is
+not armed, while the temperature is invalid or not below its maximum, and when the command is not finite. `Heater.arm`
+also sets the limits and the watchdog in the source.
 """
 
 from __future__ import annotations
@@ -23,18 +23,20 @@ from smadrive.measurement import Measurement
 
 DERATE_C = 5.0
 AT_LIMIT = 1.0 - 1e-6
-"""A command above this fraction of the limit counts as limited: some controllers clamp their commands themselves."""
+"""A command of at least this fraction of the limit counts as limited: some controllers clamp to the limit, too."""
 _NOTHING = Sample(nan, 0.0)
 
 
 class Heater:
     """A heat source with the sensors of its wire. Methods raise the errors of the devices.
 
-    `thermometer` and `displacement` are sensors that replace the measurements of the source. `guard` is the guardian of
-    a source that has no watchdog of its own. `stop` ends `exchange` with StoppedError after a request to stop.
-    `corrections` turn the readings of the sensors into values; every limit applies to the corrected values.
-    `from_source` names the quantities to take from the source; None takes all that the source measures. Leave out a
-    quantity whose input has no sensor, because such an input shows a value, too.
+    thermometer     sensor that replaces the temperature of the source
+    displacement    sensor that replaces the displacement of the source
+    guard           guardian of a source that has no watchdog of its own
+    stop            makes `exchange` raise StoppedError after a request to stop
+    corrections     convert readings to values; the limits of this class apply to the corrected values
+    from_source     quantities to take from the source; None takes all that the source measures. Leave out a quantity
+                    whose input has no sensor: such an input shows a value, too
     """
 
     def __init__(
@@ -91,8 +93,8 @@ class Heater:
     def arm(self, watchdog_s: float) -> None:
         """Set the limits and the watchdog of the source, confirmed by read-back, then arm it.
 
-        SafetyError when a fault is latched, the temperature is invalid or too high, or the device does not arm;
-        ConfigError when the device cannot keep the limits of the rig or this watchdog time.
+        SafetyError when a fault is latched, the temperature is invalid or too high, the guardian is gone, or the device
+        does not arm. ConfigError when the device cannot keep the limits of the rig or this watchdog time.
         """
         now = self.exchange(0.0)
         if now.device_faults:
@@ -132,7 +134,7 @@ class Heater:
         measurement = self._measurement(supplied, in_force_a, limits)
         if not isfinite(current_a):
             raise SafetyError(
-                "the commanded current is not a number, so zero was sent",
+                "the commanded current is not finite, so zero was sent",
                 where="current_a",
                 value=current_a,
                 cure="check the controller",
@@ -192,7 +194,7 @@ class Heater:
     def _source_limits(self) -> HeaterLimits:
         """Return the limits for the source, which compares them with its own uncorrected readings.
 
-        Its temperature limit is the reading at `temperature_max_c`, but never above `temperature_max_c`.
+        The temperature limit for the source is its reading at `temperature_max_c`, but at most `temperature_max_c`.
         """
         most_c = self.limits.temperature_max_c
         return replace(self.limits, temperature_max_c=min(most_c, self._corrections.temperature.reading_at(most_c)))

@@ -1,8 +1,8 @@
 """The identity of a device: the proof of its type, its model, and the registers that distinguish devices of this type.
 
 The identity consists of the registers that the profile names in `[[identify]]`, and of the registers that identify the
-variant (a model of the family). A register of `[[identify]]` must hold a raw value within its ranges; without ranges,
-the register holds a serial number. Registers that can be written do not belong to the identity, because their values
+variant (a model of the family). A register of `[[identify]]` with ranges must hold a raw value within them; a register
+without ranges holds a serial number. Registers that can be written do not belong to the identity, because their values
 can change. A device with another identity is another device, even at the same port.
 """
 
@@ -27,7 +27,7 @@ UNKNOWN: Identity = MappingProxyType({})
 
 
 class TypeCheck(Enum):
-    """The result of the check of a device's type: not asked yet, the device answered, or its type is proved."""
+    """The result of the check of a device's type. ANSWERED: the device answers, but its type cannot be proved."""
 
     NOT_ASKED = "not asked"
     ANSWERED = "it answers; its type cannot be proved"
@@ -35,7 +35,7 @@ class TypeCheck(Enum):
 
 
 class IdentityDoubt:
-    """A context manager that sets `is_raised` after a failed exchange: another device may answer from now on.
+    """A context manager that sets `is_raised` after a failed exchange, because another device may answer from now on.
 
     An exchange fails by silence, an exception reply or a wrong read-back. `Device` resets `is_raised` after a new proof
     of the identity.
@@ -82,7 +82,7 @@ class ProvedModel:
 
 
 class IdentityCheck:
-    """The identity check of a device of `family` at `unit_id`: the registers to read, and the judgement of readings."""
+    """The identity check of a device of `family` at `unit_id`: it names the registers to read, and judges readings."""
 
     def __init__(self, family: Profile, unit_id: int) -> None:
         self._family = family
@@ -94,11 +94,11 @@ class IdentityCheck:
         self.registers = names or family.measured[:1]
         """Registers to read.
 
-        If the profile names no register for this, the first measured register is read: the device must at least answer.
+        If the profile names no register for the check, the first measured register is read: the device must answer.
         """
 
     def judge(self, readings: Mapping[str, RegisterReading], expected: Identity) -> ProvedModel:
-        """Return the model that the readings prove; IdentityError for another type, or for a device not `expected`."""
+        """Return the model that the readings prove; IdentityError if type or identity is another one."""
         family = self._family
         check_type(family.identify, readings, family.profile.id, self._where)
         identity = identity_of(family, readings)

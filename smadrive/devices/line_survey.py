@@ -1,10 +1,10 @@
 """Survey of an RTU line: it finds the units that may be there, without a wait for each silent unit.
 
-A silent unit costs its whole response timeout, and a scan asks ten units with several line settings. So the survey
-sends all requests with short pauses. It waits only once, after the last request, for the response time of the slowest
-device. A slow reply may therefore collide with the request to a later unit, and arrive damaged. So even a single
-damaged byte shows that a device may be there. The survey asks every unit in several rounds. Each round has a different
-pause between the requests, so that a device with a constant delay gets at least one reply through.
+A request to a silent unit takes the whole response timeout, and a scan asks many units with several line settings. So
+the survey sends all requests with short pauses. It waits only once, after the last request, for the response time of
+the slowest device. A slow reply may therefore collide with the request to a later unit, and arrive damaged. So even a
+single damaged byte shows that some device answers. The survey asks every unit in several rounds. Each round has a
+different pause between the requests, so that a device with a constant delay gets at least one reply through.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from smadrive.modbus.requests import Request
 from smadrive.modbus.transports.transport import Transport
 
 PAUSES_S = (0.015, 0.019, 0.024)
-"""Pauses in s after a request, one for each round. In a round every unit gets one request."""
+"""Pauses in s after a request, one for each round. In each round, every unit gets one request."""
 
 
 def units_to_ask(
@@ -28,8 +28,8 @@ def units_to_ask(
 ) -> list[int]:
     """Return the units that replied. If some received bytes are not a whole reply, return all units.
 
-    `requests` holds one request for each round, and every unit gets this request. `patience_s` is the longest response
-    time of a device. `ask(unit_id)` is called before each request.
+    `requests` holds one request for each round, which goes to every unit. `patience_s` is the longest response time of
+    a device. `ask(unit_id)` is called before each request.
     """
     transport.discard()
     heard: list[bytes] = []

@@ -1,7 +1,7 @@
 """The requests that read a set of registers, and the readings in their replies.
 
-One request reads as many neighbouring registers as the device allows, also across registers that are not needed: one
-more request costs more time than a few more words. Registers with the same `block` in the profile are always read
+One request reads as many neighbouring registers as the device allows, also across registers that are not needed:
+another request takes more time than a few more words. Registers with the same `block` in the profile are always read
 together and without others, so that their values belong to the same moment. If the meaning of a register depends on
 other registers, these are read, too.
 """
@@ -56,7 +56,7 @@ class RegisterSpan:
 
 
 class RequestPlans:
-    """Computes the spans that requests to a device of `profile` need, and keeps them for each set of registers."""
+    """Computes the spans that requests to a device of `profile` need, and caches them for each set of registers."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -158,7 +158,7 @@ def _with_related(profile: Profile, names: Sequence[str]) -> set[str]:
 
 
 def _loose_addresses(profile: Profile) -> set[tuple[str, int]]:
-    """Return table and address of every readable register outside blocks. One request may read across these."""
+    """Return table and address of every readable register outside blocks. A request may read across them."""
     readable = (register for register in profile.registers.values() if register.access != "w" and not register.block)
     return {(register.table, address) for register in readable for address in register.addresses}
 
@@ -166,7 +166,8 @@ def _loose_addresses(profile: Profile) -> set[tuple[str, int]]:
 def _belongs(register: Register, first: Register, last: Register, most: int, loose: set[tuple[str, int]]) -> bool:
     """Return True if the request that reads `first` to `last` can also read `register`.
 
-    `most` is the largest number of addresses in a request. The request may read across the addresses `loose`.
+    most     largest number of addresses in a request
+    loose    table and address of registers that are not needed, but may be read, too
     """
     if last.table != register.table or last.block != register.block:
         return False

@@ -30,7 +30,7 @@ class RegisterWrite(NamedTuple):
     words: tuple[int, ...]
 
     def text(self, words: Sequence[int]) -> str:
-        """Return `words` as text: the value of this register with its unit."""
+        """Return `words` as text: the value that they mean in this register, with its unit."""
         return f"{self.register.codec.decode(words, self.context).value:g} {self.register.unit}"
 
 
@@ -45,7 +45,7 @@ class RegisterAccess:
         self._timing = timing
 
     def use(self, profile: Profile) -> None:
-        """Use the registers of `profile` from now on. It is the profile of the proved model."""
+        """Use the registers of `profile`, the profile of the proved model, from now on."""
         if profile.registers is not self.profile.registers:
             self.profile = profile
             self.plans = RequestPlans(profile)

@@ -1,7 +1,7 @@
-"""Repeats steps on a bad bus, to bring a device to its safe state.
+"""Repeats the steps that bring a device to its safe state, for a bus with errors.
 
-If a step fails with any exception, the other steps are still tried, because each of them may switch a heater off. Only
-a guardian that has taken over the devices, or a signal, ends the rounds early.
+If a step fails, the other steps are still tried, because each of them may switch a heater off. Two exceptions end the
+rounds early: TakenOverError, because the guardian uses the devices now, and a signal such as Ctrl-C.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ The first two are 0, because a wrong reply needs no pause. A lost connection nee
 
 
 def retry_all(steps: Sequence[Callable[[], None]], clock: Clock) -> None:
-    """Run all steps in rounds, until a round has no failed step.
+    """Run all steps in rounds, until no step fails in a round.
 
-    After the last round, which follows the pauses `PAUSES_S`, raise the first error of that round.
+    The pauses between the rounds are `PAUSES_S`. If steps fail in the last round, raise the first error of this round.
     """
     for pause_s in (*PAUSES_S, None):
         failed: Exception | None = None

@@ -1,11 +1,11 @@
-"""Scan of a bus. It asks each unit id for the registers that prove the identity of each profile, and writes nothing.
+"""Scan of a bus. It reads, at each unit id, the registers that prove the type of each profile. It writes no register.
 
 Devices without Modbus are asked first, because their answer to a Modbus frame is undefined.
 
 On an RTU line a survey (line_survey.py) first finds the units that may be there; it waits `PATIENCE_MS` for the last
 reply. Each of these units is then asked for every profile. Some profiles have no register that proves them: such a
-profile is possible if the registers of its roles read as valid numbers. A unit that leaves `SILENT` requests unanswered
-counts as absent.
+profile is possible if all its measured quantities read as valid values. A unit that answers none of the first `SILENT`
+requests counts as absent.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from smadrive.modbus.transports.connect import open_transport, port_of
 from smadrive.modbus.transports.transport import SerialSettings, Transport
 
 SILENT = 3
-"""Number of unanswered requests after which a unit counts as absent."""
+"""A unit that answers none of its first `SILENT` requests counts as absent."""
 TIMEOUT_MS = 200.0
 """Shortest response timeout of a scan. A profile with a longer timeout keeps its own."""
 PATIENCE_MS = 500.0
@@ -38,10 +38,12 @@ PATIENCE_MS = 500.0
 
 @dataclass(frozen=True)
 class FoundDevice:
-    """A device that answered, with the ids of its proved and its possible profiles.
+    """A device that answered.
 
-    `unit_id` is None for a device without Modbus, which is the only device on its line. `line` holds the serial
-    settings at which the device answered; None if the URL sets them or leads over a network.
+    unit_id     None for a device without Modbus, which is the only device on its line
+    line        serial settings at which the device answered; None if the URL sets them or leads over a network
+    proved      ids of the profiles whose type the device has proved
+    possible    ids of the profiles that fit, but that no register can prove; empty if a profile is proved
     """
 
     unit_id: int | None
@@ -88,7 +90,7 @@ def _scan(
 def _present(
     client: ModbusClient, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[int], None]
 ) -> list[int]:
-    """Return the units that may be there. On Modbus TCP these are all units: the gateway answers for absent units.
+    """Return the units that may be there. On Modbus TCP return all units: the gateway answers for absent units.
 
     ConfigError for a unit id that no device can have.
     """
@@ -156,8 +158,8 @@ def _identified(
 def _is_one(device: Device) -> bool:
     """Check the identity, and return True if the device fits its profile.
 
-    It fits if registers prove the type, or if they cannot and all measured values are valid. IdentityError for another
-    type.
+    A device whose registers prove the type fits. If no register can prove the type, all measured values must be valid.
+    IdentityError for another type.
     """
     device.check_identity()
     names = device.profile.measured

@@ -1,7 +1,7 @@
-"""A sensor on a device of its own, besides the heater. It has its own period, and each reading has its own time.
+"""A sensor on a device of its own, besides the heat source. It has its own period, and each reading has its own time.
 
-After a failed reading the previous reading is used until it is older than `stale_s`; then the value is invalid. This
-holds for every failure of the sensor, also for an exception reply. So the measurement of the heater is not lost.
+If the sensor does not answer, or answers with an error, the previous reading is used until it is older than `stale_s`.
+Then the value is invalid. A failure of the sensor raises no error, so the measurement of the heat source is not lost.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ class PolledSensor:
         self._device.enter_safe_state()
 
     def sample(self) -> Sample:
-        """Return the latest sample; it is NaN with a reason if it is older than `stale_s`.
+        """Return the latest sample. If the period has passed, read the device first.
 
-        Read the device first if its period has passed.
+        The value is NaN, with the reason, if the latest sample is older than `stale_s`.
         """
         now_s = self._clock.now_s()
         if now_s >= self._due_s:

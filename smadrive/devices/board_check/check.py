@@ -14,13 +14,13 @@ from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.transport import Transport
 
 PATIENCE_MS = 200.0
-"""Longer than a board may take for a reply, so that the checks also reach a slow one."""
+"""Response timeout of the checks, in ms. A board must reply within 60 ms; a slower board can still be checked."""
 
 
 def check_board(transport: Transport, profile: Profile) -> Iterator[CheckResult]:
-    """Yield the results of all checks of the board behind `transport`. `profile` is that of map version 2.
+    """Yield the results of all checks of the board behind `transport`. `profile` must describe map version 2.
 
-    The board is off at the end. IdentityError if the device is another one; DeviceError if a fault stays.
+    The board is off at the end. IdentityError if another device answers; DeviceError if a fault cannot be cleared.
     """
     timing = profile.timing.model_copy(update={"response_timeout_ms": PATIENCE_MS})
     patient = profile.model_copy(update={"timing": timing})
@@ -35,7 +35,7 @@ def check_board(transport: Transport, profile: Profile) -> Iterator[CheckResult]
 
 
 def _checked(transport: Transport, board: CheckedBoard) -> Iterator[CheckResult]:
-    watchdog_s = board.read("watchdog_s").value  # the conformance frames change it
+    watchdog_s = board.read("watchdog_s").value  # the conformance frames change the watchdog time
     yield from conformance_results(FrameLine(transport), board.make_ready)
     board.device.write("watchdog_s", watchdog_s)
     yield from safety_results(board)

@@ -1,4 +1,4 @@
-"""A board on the desk, as the safety checks use it: by register names, with a sequence of its own."""
+"""The board under test: the safety checks use its registers by name, and send it commands with sequence numbers."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _MEASURED = ("sequence_echo", "state", "faults", "limits", "temperature", "measu
 _SETTINGS = ("watchdog_s", "temperature_max", "current_max")
 POLL_S = 0.005
 SETTLE_S = 0.05
-"""After this time a board has checked its sensors."""
+"""Time in s after which a board has checked its sensors anew, for example after a limit was changed."""
 
 Readings = dict[str, RegisterReading]
 
 
 class TimeBounds(NamedTuple):
-    """The shortest and the longest time that something took, in s."""
+    """Bounds of a measured time, in s: the true time lies between them."""
 
     shortest_s: float
     longest_s: float
 
 
 class CheckedBoard:
-    """The board behind `device`. Times are those of the host's clock, in s."""
+    """The board behind `device`. All times are in s, by the clock of this computer."""
 
     def __init__(self, device: Device) -> None:
         self.device = device
@@ -46,9 +46,9 @@ class CheckedBoard:
         return self.device.read(_MEASURED)
 
     def command(self, current_a: float, *, is_new: bool = True) -> Readings:
-        """Send a command that keeps the board enabled, and return the readings.
+        """Command `current_a` with the heater enabled, and return the readings of state and sensors.
 
-        If `is_new`, the command has a new sequence number.
+        If `is_new` is True, the command has a new sequence number, otherwise the number of the previous command.
         """
         if is_new:
             self._sequence = self._sequence + 1 if self._sequence + 1 in SEQUENCES else SEQUENCES[0]
@@ -56,12 +56,12 @@ class CheckedBoard:
         return self.device.exchange(command, _MEASURED)
 
     def write_key(self, name: str) -> None:
-        """Write the only value that the register accepts."""
+        """Write the key of the register `name`, the only value that this register accepts."""
         (key,) = self.device.profile.register(name).enum
         self.device.write(name, key)
 
     def make_ready(self) -> None:
-        """Switch off and clear the faults. DeviceError if a fault stays, because no check could arm the board."""
+        """Switch off and clear the faults. DeviceError if a fault stays: no check could arm the board then."""
         self.device.enter_safe_state()
         self.write_key("fault_clear")
         self.wait(SETTLE_S)
@@ -76,9 +76,9 @@ class CheckedBoard:
 
     @contextmanager
     def prepared(self, **settings: float) -> Iterator[dict[str, float]]:
-        """Make the board ready with `settings`, and yield the settings before.
+        """Make the board ready and write `settings`. Yield the values that all settings had before.
 
-        At the end switch off, restore the settings and clear the faults.
+        At the end, switch the board off, restore its settings and clear the faults.
         """
         self.make_ready()
         before = {name: self.read(name).value for name in _SETTINGS}
@@ -101,7 +101,7 @@ class CheckedBoard:
         self.clock.sleep_until(self.clock.now_s() + duration_s)
 
     def timed(self, act: Callable[[], Readings]) -> tuple[Readings, float, float]:
-        """Return the result of `act`, and the times before and after it. The board acted between these times."""
+        """Call `act`; return its result and the times before and after the call. The board acted between these."""
         began_s = self.clock.now_s()
         return act(), began_s, self.clock.now_s()
 
@@ -110,8 +110,8 @@ class CheckedBoard:
     ) -> TimeBounds:
         """Call `begin`, then `observe` until the fault `name` is latched or `within_s` have passed.
 
-        Return the shortest and the longest time from `begin` to the fault that agree with all observations. The longest
-        is infinite without a fault. Delays of this computer make the bounds wider, never wrong.
+        Return bounds of the time from `begin` to the fault. Without a fault, the longest time is infinite. Delays of
+        this computer make the bounds wider, but the true time still lies between them.
         """
         _, begin_s, begun_s = self.timed(begin)
         shortest_s = 0.0

@@ -1,6 +1,7 @@
 """Sends frames to a board, right and wrong ones, and compares the bytes of its replies.
 
-The client of the driver would reject most of these replies, so the frames go through the transport directly.
+The frames go through the transport directly: the Modbus client of the driver sends no wrong frames, and returns only
+the payload of a reply.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ IDENTITY = bytes.fromhex(CONFORMANCE[0].reply)
 WATCHDOG_ADDRESS, WATCHDOG_MS = 48, 300
 _ATTEMPTS, _DIALOGUE_S = 5, 0.25
 _GIVE_UP_S = 0.15
-"""A board answers within 60 ms. After this time it counts as silent."""
+"""A board that has not answered after this time in s counts as silent. It must answer within `ANSWER_S`."""
 
 
 class FrameLine:
-    """Sends frames through `transport`. `times_s` are the times to the first byte of each reply."""
+    """Sends frames through `transport`. `times_s` holds the time in s from each answered frame to its reply."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
@@ -34,7 +35,7 @@ class FrameLine:
 
     @property
     def latest_s(self) -> float:
-        """The longest allowed time to a reply."""
+        """The longest allowed time in s from a frame to its reply, with the latency of the transport."""
         return ANSWER_S + self._transport.latency_s
 
     def now_s(self) -> float:
@@ -42,7 +43,10 @@ class FrameLine:
         return self._transport.clock.now_s()
 
     def answer(self, frame: bytes) -> bytes:
-        """Send `frame` after a pause of the line, and return the bytes that arrive before the next pause."""
+        """Send `frame` after a pause of the line, and return the bytes of the reply; empty if none arrive.
+
+        The reply is complete when its CRC is right, or when no more bytes arrive within `_GIVE_UP_S`.
+        """
         transport = self._transport
         clock = transport.clock
         clock.sleep_until(clock.now_s() + silence_s(transport.baudrate or 115200))
@@ -58,7 +62,7 @@ class FrameLine:
 
 
 def conformance_results(line: FrameLine, make_ready: Callable[[], None]) -> Iterator[CheckResult]:
-    """Yield the results of the conformance frames, of the frames that get no answer, and of the time to a reply."""
+    """Yield the results for the conformance frames, for frames that must get no answer, and for the response time."""
     yield from _dialogue_results(line, make_ready)
     yield from _silent_results(line)
     middle_s = median(line.times_s) if line.times_s else inf
@@ -67,7 +71,10 @@ def conformance_results(line: FrameLine, make_ready: Callable[[], None]) -> Iter
 
 
 def _dialogue_results(line: FrameLine, make_ready: Callable[[], None]) -> list[CheckResult]:
-    """Return the results of the conformance frames. If this computer was too slow for the watchdog, try again."""
+    """Return the results for the conformance frames.
+
+    If this computer was so slow that the watchdog of the board may have tripped, send the frames again.
+    """
     for _ in range(_ATTEMPTS):
         make_ready()
         began_s = line.now_s()
@@ -79,7 +86,7 @@ def _dialogue_results(line: FrameLine, make_ready: Callable[[], None]) -> list[C
 
 
 def _silent_results(line: FrameLine) -> Iterator[CheckResult]:
-    """Yield the results of frames that the board must not answer. After each, it must answer a right request."""
+    """Yield the results for frames that the board must not answer, then for two requests that it must answer."""
     spoiled = READ_IDENTITY[:-1] + bytes((READ_IDENTITY[-1] ^ 1,))
     write = b"\x06" + WATCHDOG_ADDRESS.to_bytes(2, "big") + WATCHDOG_MS.to_bytes(2, "big")
     for name, frame in (

@@ -1,4 +1,4 @@
-"""The conformance frames of docs/sma-reference.md: requests in their order, with the replies of map version 2.
+"""The conformance frames of docs/sma-reference.md: requests in the order of sending, and the replies of map version 2.
 
 The frames are for unit 1. They arm the board for some milliseconds, and command at most 30 mA.
 """
@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 
 class ConformanceFrame(NamedTuple):
-    """A request, its right reply, and what it shows. Frames are hexadecimal digits with the CRC."""
+    """A request, the right reply, and the meaning of both. The frames are hexadecimal digits with the CRC."""
 
     request: str
     reply: str

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class CheckKind(StrEnum):
-    """The subject of a check: the replies of the board, or the end of its heat."""
+    """The subject of a check: the replies of the board (CONFORMANCE), or its safety functions (SAFETY)."""
 
     CONFORMANCE = "conformance"
     SAFETY = "safety"
@@ -23,7 +23,7 @@ class CheckVerdict(StrEnum):
 
 
 class CheckResult(NamedTuple):
-    """A check by name, its outcome, and what was seen."""
+    """The verdict on the check `name`; `detail` says what the check found."""
 
     kind: CheckKind
     name: str
@@ -32,7 +32,7 @@ class CheckResult(NamedTuple):
 
 
 def judged(kind: CheckKind, name: str, *, passed: bool, detail: str = "") -> CheckResult:
-    """Return the result of a check that was made."""
+    """Return the result of a check that was carried out: PASSED or FAILED."""
     return CheckResult(kind, name, CheckVerdict.PASSED if passed else CheckVerdict.FAILED, detail)
 
 

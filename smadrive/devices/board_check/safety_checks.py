@@ -1,7 +1,7 @@
 """The safety checks of a board that need no wire, one function each (docs/sma-reference.md).
 
-Without a wire a commanded current does not flow, so the fault `heater_open` is the only one that such a current causes.
-It needs more than 50 mA for 30 ms. All other checks command at most 30 mA.
+Without a wire no current flows. The board then latches the fault `heater_open` if more than 50 mA are commanded for
+30 ms. Only the check of this fault commands so much, 60 mA. The other checks command at most 30 mA.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from smadrive.errors import DeviceError, ExceptionReply, ProtocolError
 SMALL_A, OPEN_A = 0.03, 0.06
 WATCHDOG_S = 0.25
 LATEST_OFF_S = 0.02
-"""Longest allowed time from a cause, such as the watchdog, to zero current, s."""
+"""Longest allowed time in s from a cause, such as the end of the watchdog time, to zero current."""
 OPEN_WITHIN_S = 0.1
 OBSERVED_S = 1.0
 CLOCK_ERROR = 0.02
-"""Largest error of the board's clock, as a share; also for an oscillator without a quartz."""
+"""Largest allowed relative error of the board's clock. An oscillator without a quartz keeps it, too."""
 CONVERSION_S = 0.1
 DEVICE_FAILURE = 4
 
 
 def safety_results(board: CheckedBoard) -> Iterator[CheckResult]:
-    """Yield the results of all safety checks. The board is off and ready after each of them."""
+    """Yield the results of all safety checks. After each of them the board is off, without faults."""
     for name, check in _CHECKS.items():
         try:
             yield check(board, name)

@@ -33,10 +33,10 @@ STARTS_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
 FREES_WITHIN_S = 5.0
 PATIENCE = 2.0
-"""The driver waits for an answer of the guardian this many times longer than the guardian waits for the driver."""
+"""The driver waits `PATIENCE * timeout_s` for an answer of the guardian, which takes over after `timeout_s`."""
 MANY = 4096
 COMMAND = (sys.executable, "-P", "-m", "smadrive.devices.guardian.process")
-"""The command that starts a guardian. With -P, no file in the present folder can take the place of the module."""
+"""The command that starts a guardian. With -P, no file in the working directory can replace the module."""
 
 
 class WatchState(Enum):
@@ -50,8 +50,8 @@ class WatchState(Enum):
 class GuardianClient:
     """A guardian process for `task`. The end of this context manager ends the guardian, unless current may still flow.
 
-    `give_way` closes all connections of the driver: some devices accept only one connection, and the guardian may need
-    it.
+    After a take-over, `give_way` is called. It must close all connections of the driver: some devices accept only one
+    connection, and the guardian may need it.
     """
 
     def __init__(self, task: Task, give_way: Callable[[], None]) -> None:
@@ -106,7 +106,7 @@ class GuardianClient:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the pipes, so that the guardian ends. It ends at once when the source is confirmed off."""
+        """Close the pipes. The guardian then ends, but first switches the source off if it is not confirmed off."""
         self._to.close()
         self._from.close()
         if self._state is not WatchState.STANDING_BY:
@@ -132,7 +132,7 @@ class GuardianClient:
             self._state = WatchState.WATCHED
 
     def heartbeat(self) -> None:
-        """Send a heartbeat.
+        """Send a heartbeat if the guardian watches.
 
         Call this before every use of a port (see `PortAccess`). TakenOverError if the guardian uses the ports.
         """
@@ -178,7 +178,7 @@ class GuardianClient:
     def stand_down(self) -> None:
         """End the watch after the driver has confirmed the source off.
 
-        If the guardian is taking over at this moment, wait until it has finished.
+        If the guardian is taking over at this moment, wait until it has finished; after `FREES_WITHIN_S` kill it.
         """
         if self._state is not WatchState.STANDING_BY:
             self._state = WatchState.STANDING_BY
@@ -192,7 +192,7 @@ class GuardianClient:
     def _is_freed(self) -> bool:
         """Ask the guardian for the ports. Return True when they are free, False after `FREES_WITHIN_S`.
 
-        A guardian that is gone has freed the ports.
+        If the guardian process has ended, the ports are free, too.
         """
         give_up_s = time.monotonic() + FREES_WITHIN_S
         self._send(STAND_DOWN)

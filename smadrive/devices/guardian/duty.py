@@ -1,9 +1,9 @@
-"""The duty of a guardian as a file, which names the guarded device.
+"""The duty file of a guardian, which names the guarded device.
 
 The guardian locks the file (flock) as long as it lives, so that a device has only one guardian. If the driver has ended
 and the guardian cannot confirm the device off, the guardian waits for the device, and the file contains the reason.
-`smadrive probe` and `off` show the waiting guardians. When a new driver or `off` has confirmed the device off, it
-writes a second file, which relieves the guardian: the guardian ends without using a port.
+`smadrive probe` and `off` show the waiting guardians. A new driver or `off` that has confirmed the device off
+writes a second file. This file relieves the guardian, which ends without using a port.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ LOOK_AGAIN_S = 0.05
 class Duty(BaseModel):
     """The content of a duty file: the guardian's process id, the device, and the parts of the device's key.
 
-    `waiting` is the reason why the guardian waits for the device; None while its driver lives.
+    `waiting` is the reason why the guardian waits for the device; None as long as it does not wait.
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True)
@@ -76,7 +76,7 @@ class HeldDuty:
 
     @classmethod
     def take(cls, device: str, key: DeviceKey) -> Self | None:
-        """Lock the duty file and return the duty; None if another guardian has the file after `FREE_WITHIN_S`."""
+        """Lock the duty file and return the duty; None if another guardian still has it after `FREE_WITHIN_S`."""
         give_up_s = time.monotonic() + FREE_WITHIN_S
         while (descriptor := _locked(_file(key))) is None:
             if time.monotonic() >= give_up_s:
@@ -188,7 +188,7 @@ def _is_held(file: Path) -> bool:
 def _locked(file: Path) -> int | None:
     """Lock the file and return its descriptor.
 
-    Return -1 if the file cannot be made, and None if another process holds the lock.
+    Return -1 if the file cannot be made or locked, and None if another process holds the lock.
     """
     try:
         file.parent.mkdir(parents=True, exist_ok=True)

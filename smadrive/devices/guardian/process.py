@@ -6,24 +6,25 @@ this process. At every use of a port, the driver writes a byte to the guardian t
     w   watch: heating begins        b   heartbeat: the driver lives       r   stand down: no guardian is needed now
     g   give way: the driver has learnt of the take-over and has closed its connections
 
-The guardian echoes every byte, so that the driver knows that the guardian lives. While the guardian watches, a
-silence of `timeout_s` or the end of the pipe means that the driver is dead or stands still. Then the guardian opens
-the port itself and writes the safe state until the device has confirmed it (states.py has the table).
+The guardian answers `w` and `b` with `e` (echo), so that the driver knows that the guardian lives. While the guardian
+watches, a silence of `timeout_s` or the end of the pipe means that the driver is dead or stands still. Then the
+guardian opens the port itself and writes the safe state until the device has confirmed it (states.py has the table).
 
-Two clients on one line would take each other's replies for their own. If the driver only stood still, it finds `t`
-(taken over) in the other pipe when it wakes, before it uses a port. It closes its connections, sends `g`, then `r`,
-and waits. The guardian confirms the safe state once more, because the driver may have sent one last command. It
-answers every `r` with `f` (free): the driver may use the ports, and the guardian is ready to watch again.
+Two clients on one line would take each other's replies for their own. So the guardian writes `t` (taken over) to the
+driver through another pipe. A driver that only stood still reads `t` when it wakes, before it uses a port. Then it
+closes its connections, sends `g`, then `r`, and waits. The guardian confirms the safe state once more, because the
+driver may have sent one last command. Then the guardian answers `r` with `f` (free): the driver may use the ports, and
+the guardian is ready to watch again.
 
 The guardian can open a serial port while a driver that stands still has it open; the guardian shares that driver's lock
 of the line (lock.py). A device or gateway behind a socket may accept only one client, which is the driver as long as
-the driver lives. If the guardian cannot connect there, it waits `timeout_s` more. During this time a driver that wakes
-gives way. If the guardian stood still together with the driver, the driver has this time, too: an interrupted wait
-continues for its remaining time. If the driver stays silent, the guardian kills it (SIGKILL), with everything else in
-its process, and takes the free socket. The guardian cannot distinguish an unplugged device from an occupied device, so
-it kills the driver in both cases: a living driver could take the connection when the device is plugged in again. The
-guardian kills the driver only while the driver is its parent process: after the end of the driver, the process id of
-the driver may belong to another program.
+the driver lives. If the guardian cannot connect to it, the guardian waits `timeout_s` more. A driver that wakes during
+this time gives way. If both processes stood still, the driver has this time, too: after the guardian wakes, its
+interrupted wait continues for the remaining time. If the driver stays silent, the guardian kills the driver process
+(SIGKILL), with all its threads, and uses the free connection. The guardian cannot distinguish an unplugged device from
+an occupied device, so it kills the driver in both cases: a living driver could take the connection when the device is
+plugged in again. The guardian kills the driver only while the driver is its parent process: after the end of the
+driver, the process id of the driver may belong to another program.
 
 When the driver has ended and the device cannot be reached, the guardian waits for the device without limit, at the
 ports that search.py lists. It prints the next step for the user, and does not occupy the line between attempts. It ends
@@ -69,7 +70,7 @@ REMIND_S = 600.0
 
 
 class DriverProcess:
-    """The parent process, which is the driver: its signals through a pipe, and its end.
+    """The driver, which is the parent process: the signals that it sends through a pipe, and its end.
 
     Create this object before READY is sent: the driver waits for READY, so until then the parent is certainly the
     driver.
@@ -125,7 +126,7 @@ class Guardian:
         self._printed_s = 0.0
 
     def attempt(self, state: GuardianState) -> AttemptOutcome:
-        """Try to switch the device off, print a changed outcome, and return the outcome; see `run`."""
+        """Try to switch the device off. Print the outcome if it has changed, and return it; see `run`."""
         waits = state is GuardianState.WAITING_FOR_DEVICE
         if waits and self._duty.relieved:
             _print("another driver, or `smadrive off`, has confirmed that the heater is off: this guardian ends")
@@ -196,7 +197,10 @@ def _print(text: str) -> None:
 
 
 def guard(task: Task, driver: DriverProcess) -> None:
-    """Lock the duty file, send READY to the driver, and run the table of states until DONE."""
+    """Lock the duty file, send READY to the driver, and run the table of states until DONE.
+
+    If another guardian keeps the duty file, print that and return without READY.
+    """
     device, profile = task.device, load_profile(task.device.profile)
     key = key_at(device.url, profile, device.unit_id).with_identity(profile, device.identity)
     duty = HeldDuty.take(f"{device.profile} at {device.url}", key)

@@ -1,4 +1,4 @@
-"""The search for the port of a guarded device: all names of its port are tried, but no port of another adapter.
+"""The search for the port of a guarded device. It tries all names of the port, but no port of another adapter.
 
 If another device has answered several times at a port, the guardian does not use this port for a while, because another
 program may use it.
@@ -49,7 +49,7 @@ class PortSearch:
         self._foreign[place] = count + 1, self._now_s() + ASK_AGAIN_S
 
     def note_no_device(self, url: str) -> None:
-        """Note that no device proved its identity at `url`."""
+        """Note that no device identified itself at `url`: the count of wrong identities begins anew."""
         self._foreign.pop(_place(url), None)
 
     @property
@@ -84,7 +84,10 @@ class PortSearch:
         return bool(names & self._names) or not (names and self._names)
 
     def _is_left_over(self, path: str) -> bool:
-        """Return True if the pseudo-terminal at `path` has ended: the unchanged path may lead to another one now."""
+        """Return True if the pseudo-terminal at `path` has ended and the links of the path have not changed since.
+
+        Then the path may lead to another pseudo-terminal now.
+        """
         terminal = self._terminals[path]
         if terminal is not None and terminal.is_left_over:
             return True

@@ -3,7 +3,7 @@
     IDLE                 the driver lives and nothing heats
     WATCHING             the driver heats; if it is silent for too long, the guardian takes over
     TAKING_OVER          the driver is silent; the heater is not confirmed off
-    BARRED               as TAKING_OVER, but the device is behind a network and did not answer: the driver may hold the
+    BARRED               the driver is silent, and the device behind a network does not answer: the driver may hold the
                          only connection that the device accepts
     ENDING_DRIVER        the guardian has killed the driver, to get the connection, and waits for the end of the driver
     WAITING_FOR_DRIVER   the guardian confirms the heater off repeatedly: the driver may wake and send one last command
@@ -57,7 +57,7 @@ class AttemptOutcome(Enum):
     CONFIRMED = auto()
     UNREACHABLE = auto()
     UNREACHABLE_REMOTE = auto()
-    """As UNREACHABLE, but the device is behind a network."""
+    """The device does not answer, and it is behind a network."""
     ANOTHER_DEVICE = auto()
     BUSY = auto()
     """Another program uses the line."""
@@ -82,7 +82,7 @@ class Action(Enum):
 
 
 class Transition(NamedTuple):
-    """The next state, and the action before it."""
+    """The next state, and the action that the guardian carries out before it."""
 
     state: GuardianState
     action: Action | None = None
@@ -159,7 +159,7 @@ TABLE: dict[GuardianState, dict[Event, Transition]] = {
     GuardianState.WAITING_FOR_DEVICE: _stays(GuardianState.WAITING_FOR_DEVICE, *DriverSignal, *AttemptOutcome)
     | {AttemptOutcome.CONFIRMED: _DONE, AttemptOutcome.RELIEVED: _DONE, AttemptOutcome.GONE: _DONE},
 }
-"""The next state and the action, by state and event. In WAITING_FOR_DEVICE the pipe to the driver is closed."""
+"""The next state and the action, by state and event. In WAITING_FOR_DEVICE the driver has closed the pipe."""
 
 
 def run(

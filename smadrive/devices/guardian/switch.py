@@ -1,4 +1,4 @@
-"""The guardian's attempt to switch its device off: it gets the line, then writes and reads back the safe state."""
+"""The attempts of a guardian to switch its device off: get the line, then write the safe state and read it back."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from smadrive.modbus.transports.transport import Transport
 
 
 class LineAccess:
-    """Access to the line. The guardian shares it while the driver lives, then locks it for one attempt at a time."""
+    """Access to the line: while the driver lives, its locks are shared; afterwards, each attempt locks the line."""
 
     def __init__(self, shared: Iterable[SharedLock]) -> None:
         self._shared = [LineLock(*lock) for lock in shared]
@@ -55,7 +55,7 @@ class LineAccess:
 
 
 class AttemptResult(NamedTuple):
-    """The outcome of an attempt, and its text for the user."""
+    """The outcome of an attempt to switch off, and the text about it for the user."""
 
     outcome: AttemptOutcome
     text: str

@@ -32,7 +32,12 @@ class SharedLock(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """The task that the driver sends at the start: device, longest silence of the driver in seconds, shared locks."""
+    """The task that the driver sends at the start.
+
+    device       the device to switch off
+    timeout_s    longest silence of the driver in seconds, after which the guardian takes over
+    locks        the locks of the line that driver and guardian share
+    """
 
     device: GuardedDevice
     timeout_s: float

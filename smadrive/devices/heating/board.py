@@ -4,7 +4,8 @@ One exchange is one FC23 request. It writes the command (a new sequence number, 
 measurements, with the echo of the sequence number. The echo proves that the measurements are younger than the command.
 
 The sequence starts at a random number and never uses small numbers. The registers next to the echo (state, faults,
-limits) hold small numbers: in a reply that is shifted by one register, such a number could be taken for the echo.
+limits) hold small numbers. Otherwise, in a reply that is shifted by one register, such a number could be taken for the
+echo.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ExceptionReply, ProtocolError, SafetyError
 
 STALE_S = 0.5
-"""The board converts at least every 0.1 s. If its sample counter stands still for this time in s, the sensor failed."""
+"""Longest time in s without a new sample before the temperature is invalid. A board converts at least every 0.1 s."""
 
 SEQUENCES = range(0x0100, 0x10000)
 """The sequence numbers. The registers next to the echo hold only smaller numbers."""
@@ -145,7 +146,7 @@ class HeaterBoard(DeviceSource[Device]):
         return f"no new conversion for {stale_s:.2f} s" if stale_s > STALE_S else None
 
     def _write_limit(self, role: str, value: float, key: str) -> None:
-        """Write a limit that the rig file names `key`. ExceptionReply with a cure when the board allows less."""
+        """Write a limit; `key` is its key in the rig file. ExceptionReply with a cure when the board allows less."""
         try:
             self.device.write(self.device.profile.role(role), value)
         except ExceptionReply as rejection:
@@ -154,7 +155,7 @@ class HeaterBoard(DeviceSource[Device]):
             raise
 
     def _write_key(self, role: str) -> None:
-        """Write the only value in the enum of this role's register, which is the only value that it accepts."""
+        """Write the key of the register with this role: the only value in its enum, and the only value it accepts."""
         name = self.device.profile.role(role)
         (key,) = self.device.profile.register(name).enum
         self.device.write(name, key)

@@ -1,4 +1,4 @@
-"""The common part of the heat sources: one device that proves its identity, has a safe state, and is armed."""
+"""The base class of the heat sources: a device that proves its identity, enters its safe state, and is armed."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ DeviceT = TypeVar("DeviceT", bound=SwitchableDevice)
 
 
 class DeviceSource(Generic[DeviceT]):
-    """A device as heat source; see HeatSource. A subclass adds the exchange and the limits."""
+    """A device as heat source; see HeatSource. Subclasses add `configure`, `arm`, `exchange` and `clear_faults`."""
 
     def __init__(self, device: DeviceT) -> None:
         """Nothing is sent yet."""

@@ -20,7 +20,10 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class HeaterLimits:
-    """Limits that the host never exceeds, even if the device would allow more."""
+    """The limits of the rig, which the driver keeps even if the device would allow more.
+
+    Without a voltage limit, `voltage_max_v` is infinite.
+    """
 
     current_max_a: float
     temperature_max_c: float
@@ -41,10 +44,14 @@ def _no_limit(name: str, value: float, needed: str) -> ConfigError:
 
 
 class Supplied(NamedTuple):
-    """The answer of a heat source to a command: current and voltage of the period that just ended, and present state.
+    """The answer of a heat source to a command.
 
-    `armed` is the present state of the device; another program may have armed it. `temperature` and `displacement` are
-    None if the source does not measure them. An unknown current or voltage is NaN, and `problem` is the reason.
+    current_a, voltage_v         of the period that just ended; NaN if unknown
+    armed                        state of the device at present; another program may have armed it
+    faults                       names of the faults of the device
+    limits                       names of the limits of the device that lower the current
+    temperature, displacement    None if the source does not measure the quantity
+    problem                      reason why current or voltage is unknown; None if both are known
     """
 
     current_a: float = nan
@@ -58,7 +65,7 @@ class Supplied(NamedTuple):
 
 
 class HeatSource(Protocol):
-    """A device that drives current through the wire. `Heater` is the only caller of `exchange`.
+    """A device that drives current through the wire. Only `Heater` commands a current above zero.
 
     Methods raise TransportError, ProtocolError or DeviceError when the communication with the device fails.
     """
@@ -66,7 +73,7 @@ class HeatSource(Protocol):
     measures: frozenset[str]
     """The quantities that the source itself measures: temperature, displacement, both or none."""
     has_watchdog: bool
-    """True if the source switches off by itself when no request arrives."""
+    """True if the source switches off by itself when no new command arrives."""
     settle_s: float
     """Time in seconds that the output takes to reach a new command."""
 
@@ -99,12 +106,12 @@ class HeatSource(Protocol):
         """Command `current_a` (zero while the source is not armed) and measure.
 
         If `proved` is True, the reply is proved to belong to this command, by an echo or a counter. Otherwise a late
-        reply to an older command may be taken for it.
+        reply to an older command may be taken for the right reply.
         """
         ...
 
     def enter_safe_state(self) -> None:
-        """Set zero current and switch the output off. Try several times; raise an error without a confirmation."""
+        """Set zero current and switch the output off. Try several times; raise an error if no read-back confirms it."""
         ...
 
     def clear_faults(self) -> None:

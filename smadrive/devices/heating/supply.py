@@ -2,8 +2,8 @@
 
 A supply has no watchdog, measures no temperature and answers slowly. A user can also change its current setting at the
 front panel. So every exchange first reads the setting back, together with the measurements that belong to it. A setting
-that differs from the previous command is an error. The rig file gives the voltage limit, which is read back, too: when
-a wire comes off its clamps, the voltage of the supply rises to this limit.
+that differs from the previous command is an error. The voltage limit of the rig file is set once, and every exchange
+reads it back, too: when a wire comes off its clamps, the voltage of the supply rises to this limit.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ _NEEDED = ("heater_current", "heater_enable", "measured_current", "measured_volt
 _OPTIONAL = ("heater_voltage", "regulation", "faults")
 
 AT_LIMIT = 0.98
-"""Above this fraction of the voltage limit, a supply without a CC/CV flag counts as holding its voltage."""
+"""A supply without a CC/CV flag counts as limiting the voltage from this fraction of the voltage limit on."""
 
 PROTECTION = 1.1
-"""The supply's own protections are set to the limits of the rig times this factor."""
+"""The supply's own protections are set to this factor times the limits of the rig, if the registers allow that."""
 
 
 class BenchSupply(DeviceSource[Device]):
@@ -88,7 +88,10 @@ class BenchSupply(DeviceSource[Device]):
         )
 
     def enter_safe_state(self) -> None:
-        """Set zero current and switch the output off, confirmed by read-back. End the check of the voltage limit."""
+        """Set zero current and switch the output off, confirmed by read-back.
+
+        The voltage limit is not checked any more until `configure` has set it again.
+        """
         self._voltage_set = None
         super().enter_safe_state()
 
@@ -135,7 +138,7 @@ class BenchSupply(DeviceSource[Device]):
             )
 
     def _protect(self, role: str, limit: float) -> None:
-        """Set the supply's own protection above the limit, if the supply has this protection."""
+        """Set the protection `role` (ovp or ocp) of the supply above the limit, if the profile has this role."""
         name = getattr(self.device.profile.roles, role)
         if name is not None:
             highest = self.device.profile.register(name).max
@@ -145,14 +148,14 @@ class BenchSupply(DeviceSource[Device]):
         return readings[self._names["heater_enable"]].raw == 1
 
     def _faults(self, readings: dict[str, RegisterReading]) -> tuple[str, ...]:
-        """Return the protections that have switched the output off; return an empty tuple for raw 0."""
+        """Return the names of the protections that have switched the output off; return an empty tuple if none has."""
         name = self._names.get("faults")
         if name is None or not readings[name].raw:
             return ()
         return readings[name].words or (f"protection {readings[name].raw}",)
 
     def _limits_voltage(self, readings: dict[str, RegisterReading], voltage_v: float) -> bool:
-        """Return True if the supply holds its voltage instead of its current.
+        """Return True if the supply limits its voltage (CV) instead of its current (CC).
 
         The CC/CV flag shows this. Without such a flag, a voltage near the limit shows it.
         """

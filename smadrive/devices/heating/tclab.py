@@ -1,15 +1,15 @@
-"""TCLab as heat source: it heats with pulses, so a current is commanded as their duty.
+"""TCLab as heat source. It heats with pulses, so a current is commanded as a duty: the share of the time with current.
 
-The heat is proportional to the duty. So "current" and "voltage" mean the root mean square:
+The heat is proportional to the duty. So "current" and "voltage" mean root mean squares, with a duty from 0 to 1:
 
     i = full_scale_a · sqrt(duty)      u = full_scale_v · sqrt(duty)
 
-The board measures neither. Both are computed from the duty that it reads back and from the two full scales in the rig
+The board measures neither. Both are computed from the duty that is read back and from the two full scales in the rig
 file. The pulse width has `STEPS` steps, and a command is rounded down to a step.
 
-Replies have no checksum. So every exchange has three checks: it reads back the duty in force, reads the temperature
-twice and requires that both readings agree, and requires that the board repeats the new duty to the last digit. If a
-check fails, the whole exchange is discarded. The board has no watchdog, although its documentation describes one.
+Replies have no checksum. So every exchange reads back the duty in force, and reads the temperature twice: both readings
+must agree. The board must repeat the new duty to the last digit. If a check fails, the whole exchange is discarded. The
+board has no watchdog, although its documentation describes one.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from smadrive.devices.heating.tclab_board import TCLabBoard
 from smadrive.errors import ConfigError, ReadBackError, SafetyError
 
 STEPS = 200
-"""Number of steps of the pulse width from off to full. It is the factory setting of P1, whose maximum is 255."""
+"""Number of steps of the pulse width, from off to 100 % duty: the factory setting of P1, which accepts up to 255."""
 WITHIN = 0.2
 """A commanded duty lies this fraction of a step above its step, because the board may round down."""
 COARSE = 0.01
@@ -70,7 +70,7 @@ class TCLab(DeviceSource[TCLabBoard]):
         self.device.limit_pulses(STEPS)
 
     def arm(self) -> None:
-        """Arm the source if the board confirms zero duty; SafetyError when its heater is on. This switches nothing."""
+        """Arm the source if the board confirms zero duty; SafetyError when its heater is on. No output changes."""
         if duty := self.device.read("R1", proved=True):
             raise SafetyError(
                 "not armed, because the board already heats",

@@ -8,7 +8,7 @@
     P1 200    200.00                              pulse width at 100 % duty, at most 255
     LED 0.07  0.07                                brightness of the lamp for 10 s, used as a token: see text_line.py
 
-Replies have no checksum. So the board must repeat the value of a command, and give a measured value twice. After any
+Replies have no checksum. So the board must repeat the value of a command, and a measured value is read twice. After any
 failure a late reply may still arrive, so the driver sends the greeting (text_line.py) before the next command.
 """
 
@@ -41,7 +41,7 @@ AGREE_C = 1.0
 
 
 class TCLabBoard:
-    """A TCLab board, alone on its line. Every command is confirmed. `profile` has line settings and timing."""
+    """A TCLab board, alone on its line. Every command is confirmed. `profile` contains line settings and timing."""
 
     def __init__(self, profile: Profile, transport: Transport, trace: Trace | None = None) -> None:
         """Nothing is sent yet."""
@@ -58,7 +58,10 @@ class TCLabBoard:
         return TypeCheck.PROVED if self._identified else TypeCheck.NOT_ASKED
 
     def check_identity(self) -> None:
-        """Prove that the device is a TCLab; IdentityError if the board has not proved it after `boot_ms`."""
+        """Prove by its banner that the device is a TCLab. Try again until `boot_ms` have passed.
+
+        Then DeadlineError for a silent device, IdentityError for another reply.
+        """
         give_up_s = self.clock.now_s() + self.profile.timing.boot_ms / 1e3
         while not self._identified:
             try:
@@ -135,7 +138,7 @@ class TCLabBoard:
     def _switch_off(self, heater: int) -> None:
         """Switch one heater off and confirm it.
 
-        Without an answer the command is sent once more: the line may still carry it although no reply comes back.
+        After a missing or wrong reply, the command is sent once more: the line may carry it although replies are lost.
         """
         try:
             self.heat(heater, 0.0)
@@ -146,7 +149,7 @@ class TCLabBoard:
             raise
 
     def _says_back(self, command: str, value: float) -> bool:
-        """Send a value and return True if the board repeats it. Nothing is sent to a device that is not a TCLab."""
+        """Send a value, but only to a device that is a TCLab; return True if the board repeats the value."""
         self.check_identity()
         return self.read(f"{command} {value:.2f}") == value
 
@@ -163,7 +166,7 @@ class TCLabBoard:
 def _token(number: int) -> Exchange:
     """Return the exchange that sets the lamp to a brightness between 0.00 and 99.99 %.
 
-    The board repeats the number, which distinguishes the reply from the replies to the tokens before.
+    The board repeats the number, which distinguishes the reply from the replies to the previous tokens.
     """
     text = f"{number % 10_000 / 100:.2f}"
     return Exchange(f"LED {text}", re.compile(rf"{re.escape(text)}0?"))

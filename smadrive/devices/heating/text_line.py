@@ -8,8 +8,8 @@ Such a reply proves neither that it answers this command nor that it is undamage
 After any failure, and at the beginning, late replies may be on their way. So the greeting is sent before the next
 command: the board must return the same banner (its name and firmware) as before, then repeat a token that differs from
 the last tokens. All lines before the repeated token are dropped. A board answers in order, so no older line can follow
-the token. The banner alone proves nothing, because it may answer an earlier greeting. A greeting costs two lines and no
-pause, because the next command may have to switch a heater off at once.
+the token. The banner alone proves nothing, because it may answer an earlier greeting. Greeting and token take two
+exchanges, without a pause, because the next command may have to switch a heater off at once.
 
 A damaged reply can still have the right form. The caller must detect it: the caller checks that the board repeats the
 value of a command, and reads a measured value twice.
@@ -34,7 +34,7 @@ GREETINGS = 3
 
 
 class Exchange(NamedTuple):
-    """A command, and the form of its reply."""
+    """A command, and the pattern that the whole line of its reply must match."""
 
     command: str
     form: Pattern[str]
@@ -43,8 +43,8 @@ class Exchange(NamedTuple):
 class TextLine:
     """The only client of a text line.
 
-    `greeting` asks for the banner of the board. `token(n)` is a command whose reply differs from the replies to the
-    previous tokens, n = 0, 1, 2, ... After many tokens the replies may repeat. A token has no effect on the heaters.
+    `greeting` asks for the banner of the board. `token(n)`, n = 0, 1, 2, ..., is a command whose reply differs from the
+    replies to the previous tokens. After many tokens the replies may repeat. A token has no effect on the heaters.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class TextLine:
         self._in_step = False
 
     def _get_in_step(self) -> None:
-        """Send greeting and token, up to `GREETINGS` times with silences between; raise the last error if all fail."""
+        """Send greeting and token, up to `GREETINGS` times with silences between. Raise the last error if all fail."""
         for attempt in range(1, GREETINGS + 1):
             try:
                 self._check_banner(self._answer_at_last(self._greeting))

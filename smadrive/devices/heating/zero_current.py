@@ -9,18 +9,19 @@ from smadrive.devices.heating.heat_source import HeatSource, Supplied
 from smadrive.errors import DeviceError, ProtocolError, SafetyError, TransportError
 
 CURRENT_ZERO_A = 0.05
-"""A smaller current than this, in A, is noise of the measurement."""
+"""A measured current up to this value, in A, is noise of the measurement, so it counts as zero."""
 ZERO_SHARE = 0.1
-"""For thin wires, the bound is this fraction of current_max_a if that is less than `CURRENT_ZERO_A`."""
+"""For thin wires, only a current up to this fraction of current_max_a counts as zero, if that is the smaller bound."""
 CURRENT_GONE_S = 0.2
-"""After switching off, current may flow for this time in seconds plus the settling time of the source."""
+"""After switching off, current may flow for this time in seconds, plus the settling time of the source."""
 LOOK_AGAIN_S = 0.05
 
 
 def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
-    """Wait until no current flows from `source`, which is in its safe state, and return its last measurements.
+    """Wait until no current flows from `source`, and return its last measurements.
 
-    SafetyError when current still flows after the allowed time, or the source still reports that it is armed.
+    `source` must be in its safe state. SafetyError when current still flows after the allowed time, or the source still
+    reports that it is armed. If the exchange fails then, raise the error of the exchange.
     """
     give_up_s = clock.now_s() + source.settle_s + CURRENT_GONE_S
     while True:

@@ -5,14 +5,14 @@
 A value to write must lie in [min, max] and in the range of the type.
 
 Sentinels ("sensor open") are compared as raw patterns, before any arithmetic, so a sentinel never becomes a number. A
-raw number has the register's own type: for int16, −30000 and 0x8AD0 are the same pattern, and a profile may contain
-either form.
+profile may write a pattern as a number of the register's type or as an unsigned number: for int16, −30000 and 0x8AD0
+are the same pattern.
 
-Other registers may determine sign, scale, unit and validity; this information comes as a `Context`
+Other registers may determine sign, scale, unit and validity. A `Context` contains this information
 (dependent_registers.py).
 
-Every exchange converts registers, so a codec is created once for each register and has plain attributes: reading an
-attribute of a pydantic model takes six times as long.
+Every exchange converts registers, so a codec is created once for each register. It has plain attributes, because
+reading an attribute of a pydantic model takes six times as long.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Codec:
     def encode(self, value: float, name: str, context: Context = ALONE) -> tuple[int, ...]:
         """Return the words for `value`.
 
-        ConfigError for a value that is not finite, outside [min, max] or not in the enum.
+        ConfigError for a value that is not finite, not in [min, max], not in the range of the type, or not in the enum.
         """
         if not isfinite(value):
             raise _rejected("the value is not finite", name, value, cure="give a finite number")
@@ -119,7 +119,7 @@ class Codec:
             raise ValueError(self._overflow(value, raw))
 
     def number(self, pattern: int) -> float:
-        """Return the value of a raw pattern, also of a sentinel, in the unit of the register."""
+        """Return the value of a raw pattern in the unit of the register; a sentinel is converted like any number."""
         return self._value_of(self._unpack(self.pattern(pattern)), ALONE)
 
     def _decoded(self, words: Sequence[int], context: Context) -> RegisterReading:

@@ -1,10 +1,10 @@
-"""Dependent registers: other registers determine their sign, scale, unit or validity. The keys of the profile:
+"""Dependent registers, whose sign, scale, unit or validity other registers determine. The keys of the profile:
 
 sign_register   a register that holds the sign: 0 is positive, 1 is negative (sign and magnitude in two registers)
 scale_from      a register whose enum lists the scale factors, for example { 0 = "1", 1 = "0.1" }
 unit_from       a register whose enum lists the units: °C is used, °F is converted, other units are invalid
-valid_when      raw numbers of a register, for example { quality = [0, 1] }: while `quality` holds another number,
-                the value is invalid
+valid_when      allowed raw numbers of registers, for example { quality = [0, 1] }: while the register `quality` holds
+                another number, the value is invalid
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> C
 
 
 def check_dependencies(name: str, register: Register, registers: Mapping[str, Register]) -> None:
-    """Raise ValueError if a register on which `register` depends does not exist, or cannot serve this purpose."""
+    """Raise ValueError if a register on which `register` depends does not exist or cannot determine the value."""
     for dependency in register.depends_on:
         if dependency not in registers:
             hint = suggestion_or_list(dependency, registers)
@@ -74,7 +74,10 @@ def _check_scales(name: str, enum: Mapping[int, str]) -> None:
 
 
 def _word(name: str | None, readings: Mapping[str, RegisterReading]) -> str | None:
-    """Return the state of the register `name`: the word of its enum, or its number if it has no enum."""
+    """Return the state of the register `name`: the word of its enum, or its raw number if it has no enum.
+
+    None if `name` is None or the reading is invalid.
+    """
     if name is None:
         return None
     reading = readings[name]

@@ -1,6 +1,7 @@
 """The function code that reads or writes each table: the first suitable code that the device knows.
 
-Some devices (Delta DTB) read their coils by FC02. Some know only the single write or only the multiple write.
+The coils of some devices (Delta DTB) are read by FC02. Some devices write only by FC05 and FC06, some only by FC15 and
+FC16.
 """
 
 from __future__ import annotations
@@ -55,7 +56,7 @@ def write_request(table: str, address: int, words: Sequence[int], codes: Collect
 
 
 def words_of(table: str, payload: bytes, count: int) -> tuple[int, ...]:
-    """Return the words in the payload of a read. A coil or discrete input becomes one word, 0 or 1."""
+    """Return the words in the payload of a read reply. A coil or discrete input becomes one word, 0 or 1."""
     if table in ("coil", "discrete"):
         return tuple(int(bit) for bit in requests.bits_of(payload, count))
     return requests.registers_of(payload)

@@ -26,7 +26,7 @@ class AddressRange(NamedTuple):
 
 
 def check_golden_frame(golden: GoldenFrame, registers: Mapping[str, Register]) -> None:
-    """Raise ValueError for a wrong CRC, a response to another request, or values that differ from the listed ones."""
+    """Raise ValueError for a wrong CRC, a response to another request, or values that differ from `golden.means`."""
     request = _frame(golden.request)
     addressed = _addressed(request)
     words: Sequence[int] = _written(addressed, request)

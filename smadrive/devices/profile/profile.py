@@ -100,7 +100,7 @@ class Profile(Section):
 
     @property
     def measured(self) -> tuple[str, ...]:
-        """The names of the registers with the quantities that the device measures."""
+        """The names of the registers that contain measured temperature, displacement, current and voltage."""
         bound = (getattr(self.roles, role) for role in QUANTITIES)
         return tuple(name for name in bound if name is not None)
 
@@ -140,9 +140,9 @@ class Profile(Section):
         return self.model_copy(update=changes)
 
     def chosen(self, choice: str) -> Profile:
-        """Return the profile of the variant `choice`, or of the model with given raw values (`model_id=60120`).
+        """Return the profile of the variant `choice`, or of the model if `choice` is a raw value (`model_id=60120`).
 
-        ConfigError if there is no such variant or model.
+        ConfigError if there is no such variant or model, or several such models.
         """
         if "=" in choice:
             return self._pinned(choice)
@@ -224,8 +224,8 @@ class Profile(Section):
 def load_profile(name_or_path: str | Path) -> Profile:
     """Load the profile at a path (`*.toml`), or the shipped profile of that name.
 
-    `NAME:CHOICE` is a variant that no register shows, for example a thermocouple type, `adam-6018:J`.
-    `NAME:REGISTER=RAW` is the model with these raw values, for example `riden-rd60xx:model_id=60120`.
+    `NAME:CHOICE` selects a variant that no register shows, for example a thermocouple type, `adam-6018:J`.
+    `NAME:REGISTER=RAW` selects the model with these raw values, for example `riden-rd60xx:model_id=60120`.
     ConfigError, with file, key and cure, if the file or the choice is wrong.
     """
     name, _, choice = str(name_or_path).partition(":")

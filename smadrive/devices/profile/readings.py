@@ -1,4 +1,4 @@
-"""The reading of a register, and the context that other registers determine."""
+"""The reading of a register, and the context of a reading, which other registers determine."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class RegisterReading(NamedTuple):
 
 
 class Context(NamedTuple):
-    """The information that other registers give about a register.
+    """The properties of a value that other registers determine.
 
     sign          sign of the magnitude, 1 or -1
     scale         scale factor, or None for the scale in the profile

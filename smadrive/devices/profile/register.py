@@ -1,4 +1,4 @@
-"""The description of one register in a profile: table and address, conversion, limits of writing.
+"""The description of one register in a profile: table and address, conversion, limits of values to write.
 
 A wrong description is an error when the profile is loaded. `codec.py` does the conversion.
 """
@@ -96,7 +96,7 @@ class Register(Section):
 
     @cached_property
     def exchangeable(self) -> bool:
-        """True if an FC23 exchange may write the register, without reading any register first."""
+        """True if an FC23 exchange may write the register. False if it is nonvolatile, dependent or in a block."""
         return not (self.nonvolatile or self.depends_on or self.block)
 
     @cached_property
@@ -126,10 +126,10 @@ class Register(Section):
         )
 
     def _check_writable(self) -> None:
-        """Raise ValueError if a write could be harmful, or could never be correct."""
+        """Raise ValueError if a write could be harmful or is impossible."""
         limits = self.min is not None and self.max is not None
         if not (limits or self.enum or self.bits or self.type == "bool"):
-            raise ValueError("a writable register needs min and max, so that no harmful value can be written")
+            raise ValueError("a writable register needs min and max, enum or bits, to exclude harmful values")
         if self.table in ("input", "discrete"):
             raise ValueError(f"table '{self.table}' cannot be written; access must be 'r'")
         if self.type == "string" or self.sign_register is not None:
@@ -137,13 +137,13 @@ class Register(Section):
         if self.evidence == "uncertain":
             raise ValueError(
                 "evidence is 'uncertain', so this register must not be written: set access to 'r', or verify the "
-                "register and set evidence to 'one' or 'two' sources"
+                "register and set evidence to 'one' or 'two' (sources)"
             )
         if self.min is not None and self.max is not None and self.min > self.max:
             raise ValueError(f"min {self.min:g} exceeds max {self.max:g}")
 
     def _check_sentinel(self, bits: int, reason: str) -> None:
-        """Raise ValueError if a sentinel is also a valid value, because a true reading would become invalid."""
+        """Raise ValueError if a sentinel lies in a valid range, because a correct reading would count as invalid."""
         value = self.codec.number(bits)
         for low, high in ((self.valid_min, self.valid_max), (self.min, self.max)):
             stated = low is not None or high is not None

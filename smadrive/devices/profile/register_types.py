@@ -28,7 +28,7 @@ RANGES: dict[Kind, tuple[float, float]] = {
 }
 
 NOT_A_NUMBER: tuple[Kind, ...] = ("float32", "string")
-"""Types that have patterns which are not numbers."""
+"""Types with raw patterns that are not finite numbers."""
 
 
 def is_wide(kind: Kind) -> bool:

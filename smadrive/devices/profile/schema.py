@@ -15,7 +15,7 @@ from smadrive.modbus.transports.transport import Parity
 
 
 class Head(Section):
-    """Name, role, protocol and vendor of the device. `evidence` tells how well sources support the register map."""
+    """Name, role, protocol and vendor of the device. `evidence` names the kind of sources of the register map."""
 
     id: str
     role: Literal["heater", "supply", "temperature", "displacement"]
@@ -25,7 +25,7 @@ class Head(Section):
 
 
 class Serial(Section):
-    """Factory settings of the line. A URL may override baud rate, parity and stop bits; a rig file the unit id."""
+    """Factory settings of the line. A URL may replace baud rate, parity and stop bits, a rig file the unit id."""
 
     baudrate: int = Field(ge=50, le=12_000_000)
     bytesize: Literal[8] = 8
@@ -41,7 +41,10 @@ class Tcp(Section):
 
 
 class DeviceTiming(Section):
-    """The timing that a client must keep, in milliseconds. The simulated device enforces it."""
+    """The timing in ms, and the limits of requests, that a client must keep.
+
+    The simulated device enforces `min_gap_ms`, `boot_ms`, the largest requests and the function codes.
+    """
 
     response_timeout_ms: float = Field(gt=0, le=60_000)
     min_gap_ms: float = Field(default=0.0, ge=0, le=60_000)
@@ -112,7 +115,7 @@ class Roles(Section):
     calibration_save: str | None = None
 
     def without(self, absent: Collection[str]) -> Roles:
-        """Return the roles without those of the registers `absent`."""
+        """Return the roles except those whose register is in `absent`."""
         bound = self.model_dump(exclude_none=True)
         return Roles(**{role: name for role, name in bound.items() if name not in absent})
 
@@ -153,7 +156,7 @@ class Variant(Section):
 
 
 class Forbidden(Section):
-    """Addresses that must never be written, and the reason."""
+    """Addresses, from `first` to `last`, that must never be written, and the reason."""
 
     table: Table
     first: int = Field(ge=0, le=0xFFFF)
@@ -167,7 +170,7 @@ class WriteOrder(Section):
     before    the register before which the rule applies; "*" stands for every register
     write     the register that must be written first
     value     the value that the register `write` must hold; the driver writes this value if necessary. Without a value,
-              the caller must write the register `write` first, otherwise the driver raises ConfigError
+              the caller must write the register `write` first, otherwise ConfigError is raised
     """
 
     before: str

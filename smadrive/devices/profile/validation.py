@@ -42,7 +42,7 @@ def refuse_forbidden(registers: Registers, forbidden: tuple[Forbidden, ...]) -> 
 
 
 def refuse_unreachable(registers: Registers, timing: DeviceTiming) -> None:
-    """Raise ValueError for a register that the device cannot read or write as its access demands.
+    """Raise ValueError for a register whose `access` needs a function code that the device lacks.
 
     ValueError also for a register that is too long for one request.
     """
@@ -81,14 +81,14 @@ def refuse_torn_blocks(registers: Registers, timing: DeviceTiming) -> None:
 
 
 def find_register(name: str, registers: Registers, key: str) -> Register:
-    """Return the register `name`; ValueError, which names the profile's `key`, if there is no such register."""
+    """Return the register `name`. ValueError if it does not exist; `key` is the key of the profile that names it."""
     if name not in registers:
         raise ValueError(f"{key} names the unknown register '{name}'; {suggestion_or_list(name, registers)}")
     return registers[name]
 
 
 def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
-    """Raise ValueError for a rule whose register cannot be written, cannot be read back, or cannot hold the value."""
+    """Raise ValueError if a rule names a register that cannot be written and read back, or lacks a valid value."""
     for rule in rules:
         if rule.before != "*":
             find_register(rule.before, registers, "write_order.before")
@@ -102,7 +102,7 @@ def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
 
 
 def check_safe_state(steps: tuple[SafeWrite, ...], rules: tuple[WriteOrder, ...], registers: Registers) -> None:
-    """Raise ValueError for a step that cannot be confirmed, cannot hold its value, or must wait for another write."""
+    """Raise ValueError if the register of a step has no read-back, rejects the value, or needs another write first."""
     for step in steps:
         register = find_register(step.register_, registers, "safe_state.register")
         if register.access != "rw":

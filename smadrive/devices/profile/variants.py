@@ -1,4 +1,4 @@
-"""Models of one family whose registers differ in scale, limits or address, or are absent.
+"""Models of one family. Their registers differ in address, scale, offset or limits, or are absent in some models.
 
 A channel array `tc` of count 8 is eight registers `tc_0` to `tc_7`; an override of `tc` applies to all of them.
 """
@@ -16,7 +16,7 @@ from smadrive.files.spelling import suggestion_or_list
 
 
 def expanded(registers: Mapping[str, Register]) -> dict[str, Register]:
-    """Return the registers, with each channel of an array as a register of its own, numbered from 0."""
+    """Return the registers. Each channel of an array becomes a register of its own, numbered from 0."""
     channels = {}
     for name, register in registers.items():
         step = register.stride or register.size
@@ -68,7 +68,7 @@ def has_switch(variants: Sequence[Variant], registers: Mapping[str, Register], r
 
 
 def refuse_ambiguity(variants: Sequence[Variant]) -> None:
-    """Raise ValueError if one device could match two variants."""
+    """Raise ValueError if one device could match two variants, or if two variants have the same `choice`."""
     for one, other in combinations((variant for variant in variants if variant.match), 2):
         shared = one.match.keys() & other.match.keys()
         if all(_overlap(one.match[name], other.match[name]) for name in shared):

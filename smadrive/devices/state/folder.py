@@ -13,7 +13,7 @@ WITHOUT_HOME = Path("/var/lib/smadrive")
 def state_dir() -> Path:
     """Return `$XDG_STATE_HOME/smadrive`, or `~/.local/state/smadrive` without that variable.
 
-    The folder may not exist yet.
+    For a user without a home folder, return `WITHOUT_HOME`. The folder may not exist yet.
     """
     if folder := os.environ.get("XDG_STATE_HOME"):
         return Path(folder) / "smadrive"

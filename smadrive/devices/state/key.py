@@ -1,4 +1,4 @@
-"""The key of a device, which decides if a device is the same as in an earlier run.
+"""The key of a device. A comparison of two keys decides if a device is the same as in an earlier run.
 
 The kernel numbers ports in the order in which they appear: after a replug, `ttyUSB0` or `pts/7` may name another
 device. So a key holds the permanent names of the port and, after the device has answered, its serial number. The names:
@@ -7,10 +7,11 @@ device. So a key holds the permanent names of the port and, after the device has
     link of the user's own   the path of the link (a udev rule, `firmware-sim --pty PATH`, `socat link=PATH`)
     on-board serial port     its path
     network                  host and port, as written and with each address of the host; see host_names.py
-    pseudo-terminal          no permanent name; while it exists, its number with its time of creation. After its end it
-                             never comes back, and only the serial number of the device counts
+    pseudo-terminal          no permanent name, but its number with its time of creation, while it exists. An ended
+                             pseudo-terminal never comes back: then only the serial number of the device counts
 
-Devices that share a line have different unit ids. `APPLIES` tells when a trip of one device applies to another.
+Devices that share a line have different unit ids. `APPLIES` tells when a trip with one key applies to a device
+with another key.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ BY_PATH = Path("/dev/serial/by-path")
 NUMBERED = re.compile(r"tty(USB|ACM)\d+|rfcomm\d+")
 """Names of ports that the kernel numbers in the order in which the ports appear."""
 UNPROGRAMMED = (0, 0xFFFF, 0xFFFF_FFFF)
-"""Raw numbers that devices without a serial number show."""
+"""Raw numbers in the serial-number register of a device to which no serial number was given."""
 
 
 class Match(Enum):
@@ -58,9 +59,9 @@ APPLIES = {
     (Match.DIFFERENT, Match.UNKNOWN): False,
     (Match.UNKNOWN, Match.SAME): True,
     (Match.UNKNOWN, Match.DIFFERENT): False,
-    (Match.UNKNOWN, Match.UNKNOWN): True,  # nothing proves another device
+    (Match.UNKNOWN, Match.UNKNOWN): True,  # nothing proves that the device is another one
 }
-"""True if a trip of one device applies to the present device, by the match of port and serial number."""
+"""True if a latched trip applies to the present device, by the match of port and serial number of their keys."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ class DeviceKey:
     port: str = field(default="", compare=False)
 
     def port_match(self, other: DeviceKey) -> Match:
-        """Return the match of unit ids and port names. One name in common proves that the port is the same."""
+        """Compare the unit ids and the port names of both keys. One common name proves that the port is the same."""
         if None not in (self.unit_id, other.unit_id) and self.unit_id != other.unit_id:
             return Match.DIFFERENT
         if self.names & other.names:
@@ -89,7 +90,7 @@ class DeviceKey:
         return Match.DIFFERENT
 
     def serial_match(self, other: DeviceKey) -> Match:
-        """Return the match of the serial numbers of both keys."""
+        """Compare the serial numbers of both keys."""
         if self.serial_number is None or other.serial_number is None:
             return Match.UNKNOWN
         return Match.SAME if self.serial_number == other.serial_number else Match.DIFFERENT
@@ -99,7 +100,7 @@ class DeviceKey:
         return APPLIES[self.port_match(other), self.serial_match(other)]
 
     def proves(self, other: DeviceKey) -> bool:
-        """Return True if `other` is certainly this device. A guardian that waits for this device may then end.
+        """Return True if `other` is certainly this device: then a guardian of this device may end when `other` is off.
 
         A device with a serial number must show the same serial number. Any other device is recognised by its port.
         """
@@ -129,7 +130,7 @@ def serial_number(profile: Profile, identity: Identity) -> str | None:
 
 
 def port_names(url: str) -> frozenset[str]:
-    """Return the names that the port keeps after a replug; return an empty set if it has none."""
+    """Return the names that identify the port (see the head of this file); return an empty set if it has none."""
     port = port_of(url)
     if urlsplit(url).scheme != "serial":
         return names_of(port)
@@ -137,7 +138,7 @@ def port_names(url: str) -> frozenset[str]:
 
 
 def _is_link(path: Path) -> bool:
-    """Return True if the path is a link. Return False if the user may not enter its folder."""
+    """Return True if the path is a link, False if not, or if the user may not enter the folder of the path."""
     try:
         return path.is_symlink()
     except OSError:

@@ -1,9 +1,9 @@
-"""The trip latch: a trip stays latched until the user clears it, also after a new start of the driver.
+"""The trip latch: a trip stays latched until the user clears it, even if the driver is started again.
 
-A board latches its own faults. A fault that only the driver sees, and every fault of a supply, would be lost with the
-process. So the driver writes the trip to a file in the user's state folder, with the key of the heat source (key.py). A
-record that cannot be read counts as a trip of every device. `--clear-faults` removes the records that apply to the
-device.
+A board latches its own faults. A fault that only the driver detects, and every fault of a supply, would be lost at the
+end of the driver. So the driver writes the trip to a file in the user's state folder, with the key of the heat source
+(key.py). A record that cannot be read counts as a trip of every device. `--clear-faults` removes the records that apply
+to the device.
 
 smadrive 0.1 named its records by the address in the rig file, `ADDRESS.tripped`. When a device is found at this
 address, the record is moved to the key of this device.
@@ -68,7 +68,7 @@ class TripLatch:
         return self._trip
 
     def latch(self, trip: TripError) -> None:
-        """Latch the trip. If its record cannot be written, the latch ends with the process, and `trip` gets a note."""
+        """Latch the trip. If its record cannot be written, the latch ends with the process; `trip` gets a note."""
         self._trip = trip.what
         if self._key is None:
             return
@@ -129,7 +129,7 @@ def _write(key: DeviceKey, trip: str) -> None:
 
 
 def _take_over_old(key: DeviceKey) -> None:
-    """Rename the records of smadrive 0.1 for this port to the key of the present device. After an error they stay."""
+    """Rename the records of smadrive 0.1 for this port to the key of the present device. After an error, keep them."""
     for file, trip in _old_records(key):
         with suppress(OSError, DataError):
             if file.is_file():
@@ -150,7 +150,7 @@ def _old_records(key: DeviceKey) -> Iterator[_FoundRecord]:
 
 
 def _old_addresses(key: DeviceKey) -> Iterator[str]:
-    """Yield the names that smadrive 0.1 gave to a device at this port, with the unit id if the rig file had one."""
+    """Yield the names that smadrive 0.1 may have given to a device at this port, without and with its unit id."""
     by_id = sorted(f"serial://{name}" for name in key.names if name.startswith(str(BY_ID)))
     for port in (*by_id, key.port):
         yield port
@@ -159,7 +159,7 @@ def _old_addresses(key: DeviceKey) -> Iterator[str]:
 
 
 def _is_of_older_terminal(file: Path, address: str) -> bool:
-    """Return True if the record is older than the pseudo-terminal that has its number now."""
+    """Return True if the record is older than the pseudo-terminal that has the number in `address` now."""
     path = Path(address.removeprefix("serial://").partition(" ")[0])
     return str(path).startswith(TERMINALS) and file.stat().st_mtime_ns < path.stat().st_ctime_ns
 

@@ -1,8 +1,8 @@
 """Exclusive access to a line: two clients on one line would take each other's replies for their own.
 
-A line is a serial port under its present name, or one unit behind a network address. If its host has several names, the
-line is locked under each name. The lock is an flock on a file in the user's state folder. The kernel releases it when
-the process ends, also after a kill. The file names the holder.
+A line is a serial port under its present name, or one unit behind a network address. If the host of the address has
+several names, the line is locked under each name. The lock is an flock on a file in the user's state folder. The kernel
+releases it when the process ends, also after a kill. The file names the holder.
 
 A driver shares its lock with its guardian, which inherits the open file: the line stays locked until both have released
 it. After the end of its driver, a guardian holds the lock only during an attempt to switch off, so that a new driver or
@@ -51,7 +51,10 @@ class Holder(NamedTuple):
 
 
 class LineLock:
-    """The lock of one line, held until `release`. A context manager. `descriptor` belongs to the open file."""
+    """The lock of one line, held until `release` or the end of its `with` block.
+
+    `descriptor` is the descriptor of the open lock file; NO_DESCRIPTOR without a file and after `release`.
+    """
 
     def __init__(self, line: str, descriptor: int) -> None:
         self.line = line
@@ -65,8 +68,8 @@ class LineLock:
     def release(self) -> None:
         """Release the line. If a guardian shares the lock, the guardian still has it. A second call does nothing.
 
-        This process removes its name from the lock file before it unlocks the file. Otherwise other programs could read
-        this name although the next process has locked the file already and has not yet written its own name.
+        If the file names this process, the name is removed before the file is unlocked. Otherwise other programs could
+        read it after the next process has locked the file and before that process has written its own name.
         """
         if self.descriptor != NO_DESCRIPTOR:
             holder = holder_of(self.line)
@@ -125,7 +128,7 @@ def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> Lin
 
 
 def holder_of(line: str) -> Holder | None:
-    """Return the holder that the file of the lock names; return None if the file names no holder."""
+    """Return the holder that the lock file of `line` names; return None if it names none or cannot be read."""
     try:
         check_regular(_file(line), DataError)
         role, pid = _file(line).read_text(encoding="ascii").split()
@@ -141,7 +144,7 @@ def _file(line: str) -> Path:
 def _try_lock(line: str) -> LineLock | None:
     """Lock the line and return the lock; return None if another process has it.
 
-    If no file can be made or locked, the lock has no file and no effect.
+    If the file cannot be made or locked, return a lock without a file, which has no effect.
     """
     file = _file(line)
     try:
@@ -161,7 +164,7 @@ def _try_lock(line: str) -> LineLock | None:
 
 
 def _starts_during_off(role: Role, holder: Holder | None) -> bool:
-    """Return True for a driver that starts while `smadrive off` holds the line: that driver must not heat."""
+    """Return True if this process is a driver that starts while `smadrive off` holds the line: it must not heat."""
     return role is Role.DRIVER and holder is not None and holder.role is Role.OFF
 
 

@@ -1,7 +1,7 @@
 """The address at which a program asks the driver of a line to stop, and the check that this program may ask.
 
-The address is a Unix socket in Linux's abstract namespace. It follows from the name of the line; a serial port has one
-more address for each of its permanent names. An address exists exactly as long as its driver, it is the same for every
+The address is a Unix socket in Linux's abstract namespace. It follows from the name of the line. A serial port has one
+more address for each of its permanent names. An address exists as long as its driver listens. It is the same for every
 user of the machine, and no permission of a folder can hide it. Other systems have no such namespace: on them, a driver
 cannot be asked to stop.
 
@@ -33,13 +33,13 @@ IS_POSSIBLE = sys.platform == "linux"
 REFUSED = b"refused"
 
 MOST_NAMES = 16
-"""Number of names for the line of a pseudo-terminal: drivers of ended pseudo-terminals may still listen at some."""
+"""Number of names for the line of a pseudo-terminal: drivers of ended pseudo-terminals may still use some of them."""
 
 MOST_GROUPS = 256
-"""Largest number of groups that Python can ask the kernel for."""
+"""Largest number of groups that fit into the 1024 bytes which `getsockopt` of Python can return."""
 
 _SO_PEERGROUPS = 59
-"""Option of Linux that Python does not name: the supplementary groups of the other process."""
+"""Socket option SO_PEERGROUPS of Linux, which Python does not name: the supplementary groups of the other end."""
 
 SOCKETS = Path("/proc/net/unix")
 """The kernel's table of Unix sockets: one row for each socket, with its inode and its address."""
@@ -52,17 +52,17 @@ _ACL = "system.posix_acl_access"
 
 
 class PeerProcess(NamedTuple):
-    """The process at the other end of a connection, with its user and its groups, as the kernel names them."""
+    """The process at the other end of a connection, with its user and its groups, as the kernel reports them."""
 
     pid: int
     user_id: int
     group_ids: tuple[int, ...]
 
     def may_stop(self, line: str) -> bool:
-        """Return True if the process may stop the driver of `line`, which is the calling process.
+        """Return True if this peer may stop the calling process, which is the driver of `line`.
 
-        The process may stop the driver if it runs as the driver's user or as root, or if its user may read and write
-        the port. Every user may stop the driver of a network port.
+        It may do so if it runs as the driver's user or as root, or if its user may read and write the port. Every user
+        may do so for a network port, for a port with an access list, and for a port that does not exist.
         """
         path = port_path(line)
         if path is None or self.user_id in (0, os.geteuid()):
@@ -99,7 +99,7 @@ def alternative_names(name: str) -> tuple[str, ...]:
 def names_of_line(line: str, key: DeviceKey) -> tuple[str, ...]:
     """Return the names at which the driver of a line listens: the line, and the permanent names of a serial port.
 
-    So the driver that was started with a link is found by this link, even if the link leads to another port now.
+    So a driver that was started with a link is found by this link, even if the link leads to another port now.
     """
     return (line,) if port_path(line) is None else (line, *sorted(key.names))
 
@@ -122,8 +122,8 @@ def _supplementary_groups(connection: socket.socket) -> tuple[int, ...]:
 def listens(pid: int, address: str) -> bool:
     """Return True if the process `pid` still listens at `address`, or if this user may not see its sockets.
 
-    `pid` is the process that began to listen, as the kernel names it. It may have ended while a child keeps its socket;
-    then `pid` may be the id of another process by now.
+    `pid` is the process that called listen(), as the kernel reports it. This process may have ended while a child keeps
+    the socket. Then `pid` may be the id of another process by now.
     """
     shown = address.replace("\0", "@")
     try:

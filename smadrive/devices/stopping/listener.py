@@ -1,8 +1,8 @@
 """The driver's end of the emergency stop: it listens for requests, and ends the driver's use of the heater.
 
 A request interrupts the main thread of the driver like Ctrl-C (SIGINT). After Ctrl-C every driver ends at zero current,
-also while it waits for a reply or a deadline. A driver that ignores the interruption, or uses its rig in another
-thread, is ended by `check`, which the heater calls before every exchange.
+also while it waits for a reply or a deadline. A driver may ignore the interruption, or use its rig in another
+thread. `check` ends such a driver with StoppedError: `Heater` calls it before every exchange.
 
 Only the first request interrupts, so later requests cannot disturb the switching off.
 """
@@ -25,15 +25,15 @@ from smadrive.posix import after_fork_in_child
 
 BACKLOG = 16
 MOST_ASKERS = 64
-"""Largest number of accepted requests. Further requests wait in the backlog until the driver has ended."""
+"""Number of requests that a driver accepts. Further requests wait in the backlog until the driver has ended."""
 
 
 class StopListener:
-    """Listens for requests to stop this driver; messages name it `where`. A context manager.
+    """Listens for requests to stop this driver. `where` is its name in messages. A context manager.
 
     Enter the context before the ports are opened, and leave it after they are closed: at its end, every program that
     sent a request learns that the line is free. After a request, the `with` block always ends with StoppedError. An
-    error of the block becomes the cause of StoppedError: a program that tries again after an error must not heat again.
+    error of the block becomes the cause of StoppedError, so that no program handles this error by heating again.
     """
 
     def __init__(self, where: str) -> None:
@@ -142,7 +142,7 @@ class StopListener:
                     self._selector.unregister(key.fileobj)
 
     def _accept(self, listening: socket.socket, line: str) -> bool:
-        """Accept a request, and return False if there is none."""
+        """Accept or refuse the next request; return False if no request waits."""
         try:
             asker, _ = listening.accept()
         except OSError:
@@ -183,7 +183,7 @@ def _shut(one: socket.socket) -> None:
 
 
 def _listening(name: str) -> socket.socket:
-    """Return a socket that listens at the first free one of the alternative names of `name`; BusyError without one."""
+    """Return a socket that listens at the first free name of `alternative_names(name)`; BusyError if none is free."""
     for free_name in alternative_names(name):
         listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
@@ -198,5 +198,5 @@ def _listening(name: str) -> socket.socket:
 
 
 def _busy(name: str) -> BusyError:
-    """Return the BusyError for a line that another driver uses; that driver may belong to another user."""
+    """Return the BusyError for a line that another driver uses, perhaps a driver of another user."""
     return BusyError("busy, another driver uses the line", where=name, cure=free_the_line(None))

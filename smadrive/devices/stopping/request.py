@@ -1,7 +1,7 @@
 """The request with which `smadrive off` stops a driver: afterwards the line is free, or an error gives the reason.
 
-A driver that is paused (SIGSTOP) or hangs cannot release its line, so it is killed. Its guardian, or the watchdog of
-its device, then switches the heater off, and no other program uses the line.
+A driver that is paused (SIGSTOP) or hangs cannot release its line, so it is killed. Then its guardian, or the watchdog
+of its device, switches the heater off. Afterwards no program uses the line.
 """
 
 from __future__ import annotations
@@ -51,7 +51,9 @@ class StoppedDriver:
 class StopRequest:
     """A request to the driver of `line`, which listens at `address`.
 
-    process      a descriptor of the driver's process; None if this process cannot see it
+    connection    the connection to the driver, which is the request
+    driver        the process that listens, as the kernel reports it
+    process       a descriptor of the driver's process; None if it has ended, or if this process cannot see it
     """
 
     line: str
@@ -63,8 +65,8 @@ class StopRequest:
     def wait(self, deadline_s: float) -> StoppedDriver:
         """Wait until the driver has released the line. At `deadline_s`, kill a driver that has not released it.
 
-        Then also wait for the end of the driver's guardian, the process that switches off in its place. SafetyError
-        when this user may not stop the driver.
+        After a kill, also wait for the end of the driver's guardian, which switches the heater off. SafetyError when
+        the driver refuses, or when this process cannot kill it.
         """
         if self._is_released(deadline_s):
             return StoppedDriver(self.driver.pid, killed=False)
@@ -78,7 +80,7 @@ class StopRequest:
         return StoppedDriver(self.driver.pid, killed=True)
 
     def _is_released(self, deadline_s: float) -> bool:
-        """Return True when the driver ends the connection, False at the deadline. SafetyError when it refuses."""
+        """Return True when the driver ends the connection, False at the deadline. SafetyError if the driver refuses."""
         if not select.select((self.connection,), (), (), max(deadline_s - time.monotonic(), 0.0))[0]:
             return False
         with suppress(ConnectionError):  # the driver was killed
@@ -93,7 +95,8 @@ class StopRequest:
     def _kill(self, process: int) -> None:
         """Kill the driver, whose descriptor is `process`, then wait until the driver and its guardians have ended.
 
-        Wait for the guardian processes, not for their locks, because another user's locks are in another folder.
+        SafetyError if this user may not kill the driver. The locks of the guardians do not show their end, because
+        another user's locks are in another folder. So wait for the guardian processes.
         """
         with ExitStack() as stack:
             guardians = [_descriptor(pid, stack) for pid in _guardians_of(self.driver.pid)]
@@ -118,6 +121,7 @@ def ask_to_stop(line: str, name: str, deadline_s: float, stack: ExitStack) -> St
     """Ask the driver of `line` to stop, and return the request, which `stack` closes; None if there is no driver.
 
     `name` is the name of the line under which the driver listens. `deadline_s` is a time of the monotonic clock.
+    SafetyError if the driver has not accepted the connection by then.
     """
     if not IS_POSSIBLE:
         return None
@@ -138,7 +142,7 @@ def ask_to_stop(line: str, name: str, deadline_s: float, stack: ExitStack) -> St
 def _descriptor(pid: int, stack: ExitStack) -> int | None:
     """Return a descriptor of the process, which `stack` closes; None if the process has ended or is not visible.
 
-    A process id may soon name another process, but a descriptor always means the same one.
+    A process id may soon belong to another process, but a descriptor always means the same process.
     """
     try:
         descriptor = os.pidfd_open(pid)
