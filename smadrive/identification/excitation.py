@@ -85,7 +85,7 @@ class Excitation:
         return sum(min(inner) < point_c < max(inner) for point_c in inner)
 
     def temperature_c(self, time_s: float) -> float:
-        """Return the temperature setpoint at `time_s` after the start, °C; after the end of the path its last point."""
+        """Return the temperature setpoint at `time_s` after the start, °C. After the path it stays constant."""
         return self._path_c.at(time_s)
 
     @cached_property

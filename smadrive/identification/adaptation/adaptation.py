@@ -8,7 +8,7 @@ the model:
 
 rules_state.py and plane_state.py compute x and p with their sensitivities ∂x/∂θ and ∂p/∂θ. The measured temperature
 drives x and p. A change of θ changes x and p as if the new θ had always been in force. y is the measured displacement.
-Its error e corrects θ with the gain K of a Kalman filter:
+The error e of the model corrects θ with the gain K of a Kalman filter:
 
     e = y - offset - scale w      ψ = -∂e/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P
 
