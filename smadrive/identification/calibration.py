@@ -42,7 +42,7 @@ class CalibrationPoint(NamedTuple):
 class CalibrationFit:
     """Offset and scale with expanded uncertainties (k = 2), and the largest residual.
 
-    `scale_uncertainty` is None if one point was given.
+    With one point the scale is 1 and `scale_uncertainty` is None.
     """
 
     offset: float

@@ -1,8 +1,9 @@
 """Check of a column's numbers against the unit in its name.
 
-A table in kelvin or metres gives as good a fit as a table in °C or mm, and a certified model. A table states its units
-only in the names of its columns. So only implausible values show a wrong unit: values that no wire has in the unit of
-the column's name. Where the length of the wire is known, its stroke is compared with this length.
+The fit cannot detect a wrong unit: a table in kelvin or metres gives as good a fit as a table in °C or mm, and a
+certified model. A table states its units only in the names of its columns. So a wrong unit shows only by values that no
+wire has in the unit of the column's name. Where the length of the wire is known, its stroke is compared with this
+length.
 """
 
 from __future__ import annotations
@@ -17,16 +18,19 @@ SPANS_MM = (0.1, 1000.0)
 """Smallest and largest usual span of a displacement. Wires are a few mm to 20 m long, and move by a few percent."""
 
 COLDEST_HEATED_C = 40.0
-"""The temperature of a heated wire in °C exceeds this value. A displacement often stays below it."""
+"""A column of temperatures whose values all stay below this value looks like displacements: a heated wire is warmer."""
 
 FAR_MM = 10.0
-"""A displacement usually begins near 0. Temperatures always exceed this value."""
+"""A column of displacements whose values all exceed this value looks like temperatures: displacements begin near 0."""
 
 STRAINS = (0.001, 0.1)
-"""Strokes over lengths: a wire in use moves by 2 to 5 % of its length; nickel-titanium recovers 8 % at most."""
+"""Smallest and largest usual stroke, as a share of the length of the wire.
+
+A wire in use moves by 2 to 5 % of its length. Nickel-titanium recovers 8 % at most.
+"""
 
 SLOWEST_K_PER_S = 0.01
-"""36 K per hour. The mean rate of every record is higher, unless its times are in ms instead of s."""
+"""Smallest usual mean rate of the temperature in a record: 36 K per hour. Times in ms give a lower rate."""
 
 
 def unit_caveats(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
@@ -44,7 +48,10 @@ def unit_caveats(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
 
 
 def swap_caveats(names: tuple[str, str], v: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return a caveat if the columns `v` and `y` look exchanged: temperature and displacement."""
+    """Return a caveat if the temperatures `v` and the displacements `y` look exchanged.
+
+    `names` are the names of both columns. Only columns whose names end in `_c` and in `_mm` are checked.
+    """
     is_swapped = float(v.max()) < COLDEST_HEATED_C and float(y.min()) > FAR_MM and np.ptp(y) > np.ptp(v)
     if not (names[0].endswith("_c") and names[1].endswith("_mm") and is_swapped):
         return ()

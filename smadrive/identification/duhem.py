@@ -3,8 +3,9 @@
 The unknowns are the mean, width and weight of every Gaussian of both branches, the scale and the offset. The fit
 minimises the error of the simulated output; a fit of slopes would amplify noise and bias the loop. The first fit has
 one Gaussian per branch. Fits with more Gaussians start from this fit, with each Gaussian split in several ways. The
-branches must not cross. A penalty acts where the distance of the heating branch h₊ and the cooling branch h₋ is less
-than a margin, in standard deviations. The fit raises the penalty until the model is valid over the range.
+branches must not cross. The distance of the heating branch h₊ and the cooling branch h₋ is Φ⁻¹(h₋) - Φ⁻¹(h₊), where
+Φ⁻¹ is the inverse of the normal distribution function. A penalty acts where this distance is less than a margin. The
+fit raises the penalty until the model is valid over the range.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
 
     from smadrive.numerics.arrays import FloatArray
 
-_CELLS = 192  # table of a trial model: its error is far below any measurement's
+_CELLS = 192  # of the table of a trial model: the error of the table is far below measurement errors
 _STEEPEST = 1e3  # rate of a trial model per input span, where its branches touch
 _MARGIN = 0.05  # standard deviations between the branches
 _PENALTIES = (0.03, 0.3, 3.0, 30.0)
@@ -216,7 +217,7 @@ def _logs(mixture: GaussianMixture, input_range: tuple[float, float]) -> Mixture
 
 
 def _probit(log_cdf: FloatArray, log_sf: FloatArray) -> FloatArray:
-    """Return Φ⁻¹(h), exact in both tails."""
+    """Return Φ⁻¹(h) from the logarithms of h and 1 - h, exact in both tails."""
     lower_half = log_cdf < log_sf
     tail = ndtri_exp(np.minimum(log_cdf, log_sf))
     return np.where(lower_half, tail, -tail)

@@ -85,7 +85,7 @@ class Excitation:
         return sum(min(inner) < point_c < max(inner) for point_c in inner)
 
     def temperature_c(self, time_s: float) -> float:
-        """Return the temperature setpoint at `time_s` after the start, °C. The path ends at its last turning point."""
+        """Return the temperature setpoint at `time_s` after the start, °C. After the path it stays constant."""
         return self._path_c.at(time_s)
 
     @cached_property
@@ -102,9 +102,9 @@ def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a
     """Raise ConfigError when the nominal wire cannot follow the excitation, or when a measurement is missing or wrong.
 
     `balance` is the nominal heat balance, `found` a measurement before the start. The displacement must be measured,
-    and the wire must not read much colder than its surroundings. The largest current must reach the
-    highest temperature at the rate of the path. The wire must cool at this rate at the lowest temperature, where it
-    cools slowest. Heating and cooling must have a reserve of the factor `SPARE`.
+    and the wire must not read much colder than its surroundings. `current_max_a` must suffice to heat at the rate of
+    the path up to the highest temperature. The wire must cool at this rate at the lowest temperature, where it cools
+    slowest. Heating and cooling must have a reserve of the factor `SPARE`.
     """
     if not isfinite(found.displacement_mm):
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""The plans of the identification experiment, and the number of their reversals that fits into a time.
+"""The plans of the identification experiment, and the number of reversals that fits into a given duration.
 
 **nested**. A major loop alone does not determine both parameters a and b of a rule, because w is a function of v on
 each of its branches. So after two major loops the path makes inner loops, which shrink towards the middle: first from
@@ -10,16 +10,18 @@ low_c. While a Preisach wire cools from M_k, it follows its Everett function E (
     falling   w(v) = w(M_k) - E(M_k, v)          rising   w(v) = w(m_k) + E(v, m_k)
 
 So two neighbouring falling curves determine the cells of the Preisach plane between their reversals. But all falling
-curves begin on one heating branch, and a Duhem rule for heating is not determined there. So rising curves follow: from
-high_c to m_k, and back. They are fewer, because the falling curves determine most of the plane. A wire transforms at
-higher temperatures while it heats than while it cools. So M_k leaves out the lowest part of the range (`FOOT_SHARE`),
-and m_k leaves out the highest part. Each set covers the part of the plane that the other set leaves out.
+curves begin on the same heating branch, which does not determine a Duhem rule for heating. So rising curves follow: the
+path cools from high_c to m_k and heats back to high_c. The rising curves are fewer, because the falling curves
+determine most of the plane. A wire transforms at higher temperatures while it heats than while it cools. So no M_k lies
+in the lowest part of the range (`FOOT_SHARE`), and no m_k in the highest part. The falling curves cover the part of the
+plane that the rising curves leave out, and the other way round.
 
 The falling curves come first, then the rising curves; they do not alternate. A falling curve begins and ends at low_c,
-a rising curve at high_c. Each rising curve between two falling curves would take a major loop more, and a major loop
-takes longer than a curve. With two sets, the way between them and the way back are a second major loop; it shows the
-drift since the first. Within a set, the path takes every second reversal temperature on the way up, and the others on
-the way down. So a drift does not look like an effect of M_k, and half a set still covers the range.
+a rising curve at high_c. A rising curve between two falling curves would need an additional major loop, and a major
+loop takes longer than a curve. In the order used here, the path from low_c to high_c after the falling curves, and the
+path back at the end, form a second major loop. It shows the drift since the first major loop. The path takes every
+second reversal temperature in one direction, and then the others in the opposite direction. So a drift does not look
+like an effect of M_k or m_k, and the first half of the curves already covers the range.
 """
 
 from __future__ import annotations
@@ -33,20 +35,22 @@ from smadrive.errors import ConfigError
 from smadrive.identification.excitation import Excitation, path_length_k
 
 FOOT_SHARE = 0.25
-"""Share of the range without reversals: the lowest part has no M_k, and the highest part has no m_k."""
+"""Share of the range from low_c to high_c that has no M_k (its lowest part), or no m_k (its highest part)."""
 
 FALLING_PER_RISING = 3
 """The number of falling curves for each rising curve."""
 
 MOST_REVERSALS = 40
-"""The largest number of reversals that is planned for a time.
+"""The largest number of reversals of a plan for a given duration.
 
-With more reversals, the distance between two neighbours would be below the error of the control.
+With more reversals, two neighbouring reversal temperatures would differ by less than the error of the control.
 """
 
 
 class ExcitationPlan(NamedTuple):
     """A plan of the identification experiment.
+
+    A number of reversals counts the inner loops from each end of the range (`nested`), or the falling curves (`forc`).
 
     turning_points_c    function that returns the turning points from low_c, high_c, start_c and a number of reversals
     usual               number of reversals, if neither this number nor a duration is given
@@ -71,8 +75,8 @@ def planned_excitation(
     """Return the path of `plan`, with `reversals` or with as many reversals as fit into `duration_s`.
 
     The path starts at `start_c`, the present temperature of the wire. Without `reversals` and `duration_s` the plan has
-    its usual number of reversals. ConfigError if `high_c` does not exceed `low_c`, and if the path with the fewest
-    reversals lasts longer than `duration_s`.
+    its usual number of reversals. With both, `duration_s` counts. ConfigError if `high_c` does not exceed `low_c`, if
+    the path with the fewest reversals lasts longer than `duration_s`, and for a path that `Excitation` rejects.
     """
     _check_range(low_c, high_c)
     turning_points_c, usual, _ = PLANS[plan]

@@ -5,18 +5,18 @@ branch in K, the relative change of the stroke, and the shift of the zero as a s
 
     y(x) = y_model(v; branches at μ₊ + d₊ and μ₋ + d₋) · (1 + s) + z        e = y - y(0) ≈ J x        J = ∂y/∂x
 
-A run visits a part of the loop only, and does not determine every direction of x. So the estimate is that of least
-squares with the covariance P of the likely changes of a wire, and so are its standard errors:
+A run visits only a part of the loop, and does not determine every direction of x. So the least-squares estimate of x
+uses a prior: the covariance P of the likely changes of a wire. C is the covariance of the estimate:
 
     C = (JᵀJ / r + P⁻¹)⁻¹        x = C Jᵀe / r        r = variance of the residual · (1 + ρ)/(1 - ρ)
 
 ρ is the correlation of neighbouring residuals: n correlated samples count as n (1 - ρ)/(1 + ρ) independent ones. The
-input v is the temperature of the wire from the thermocouple alone. A smoothing polynomial removes the noise of the
-reading, and its slope the lag. So neither a draft nor a wrong heat balance looks like a moved loop.
+input v is the temperature of the wire, computed from the thermocouple without the heat balance. A polynomial smooths
+the reading, and its slope corrects the lag. So neither a draft nor a wrong heat balance looks like a moved loop.
 
-An error of a turning point, by the noise of the reading, makes the whole inner loop wrong. So the standard errors also
-contain two effects of this noise: a shift of the temperature, and the change of the displacement that this shift causes
-(RMS over the stroke).
+The noise of the reading moves the turning points, and a wrong turning point makes the whole inner loop wrong. So the
+standard errors also contain this noise: as a shift of the temperature in the errors of d₊ and d₋, and as the RMS change
+of the displacement by this shift in the error of s.
 """
 
 from __future__ import annotations
@@ -36,14 +36,16 @@ from smadrive.numerics.arrays import FloatArray
 from smadrive.wire.health.sensitivity import SHIFT
 
 SMOOTHED_S = 0.5
-"""The reading is smoothed over this time. It is long against the lag of a bead, and short against a change of the loop.
+"""The reading is smoothed over this time.
+
+It is much longer than the lag of a thermocouple bead, and much shorter than a passage through the transformation.
 """
 
 NOISES = 3.0
 """Radius of the dead band against false reversals, in standard deviations of the noise of the reading."""
 
 MOST_SAMPLES = 1500
-"""A longer path is thinned out between its turning points."""
+"""A path with more samples is thinned out to this number. Its turning points stay."""
 
 LEAST_TRAVEL = 0.1
 """A path along which the model travels less than this share of its stroke does not show the loop."""
@@ -54,11 +56,11 @@ DIFFERENCE_C = 0.5
 
 @dataclass(frozen=True, slots=True)
 class LoopDrift:
-    """The loop of a wire in one run, and the standard errors of its parameters.
+    """The drift of the loop of a wire in one run, and its standard errors.
 
-    heating_k, cooling_k   shifts of the branches, K
+    heating_k, cooling_k   shifts of the heating and of the cooling branch since the identification, K
     stroke_share           change of the stroke, as a share
-    errors                 standard errors of these three, in their order
+    errors                 standard errors of heating_k, cooling_k and stroke_share
     model_percent          RMS error of the unchanged model in this run, in % of the stroke
     """
 
@@ -91,9 +93,10 @@ def wire_temperature_c(time_s: FloatArray, reading_c: FloatArray, lag_s: float) 
 def fit_loop_drift(
     model: IdentifiedModel, wire_c: FloatArray, displacement_mm: FloatArray, noise_c: float
 ) -> LoopDrift:
-    """Return the loop of the wire that moved along the temperatures `wire_c` to the displacements `displacement_mm`.
+    """Return the drift of the loop of a wire, from the temperatures `wire_c` and the displacements of one run.
 
-    `noise_c` is the noise of the thermocouple in K. The result is `UNKNOWN` for a run that does not show the loop.
+    `wire_c` and `displacement_mm` have the shape (samples,). `noise_c` is the noise of the thermocouple, K. `model` is
+    the model from the identification. The result is `UNKNOWN` for a run that does not show the loop.
     """
     path_c, moved_mm = _path(wire_c, displacement_mm, noise_c)
     stroke_mm = abs(model.scale)
@@ -126,7 +129,7 @@ def _path(wire_c: FloatArray, displacement_mm: FloatArray, noise_c: float) -> tu
 def _moved_mm(
     model: IdentifiedModel, before: BranchShape, drift: FloatArray, path_c: FloatArray, start_mm: float
 ) -> FloatArray:
-    """Return y(x) along the path for x = `drift`."""
+    """Return y(x) in mm along the path for x = `drift`. `before` is the shape of `model`."""
     heating_k, cooling_k, share, zero = drift.tolist()
     shape = before._replace(mu_heating=before.mu_heating + heating_k, mu_cooling=before.mu_cooling + cooling_k)
     y = reshaped(model, shape).simulate(path_c, start_mm)
@@ -148,7 +151,7 @@ def _linearized(
 
 
 def _estimate(jacobian: FloatArray, error: FloatArray, prior: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the estimate of x and its covariance; the variance of the residual comes from the estimate itself."""
+    """Return the estimate of x and its covariance C. The variance of the residual comes from a fit without prior."""
     normal, slope = jacobian.T @ jacobian, jacobian.T @ error
     residual = error - jacobian @ np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(4), slope)
     alike = min(max(neighbour_correlation(residual), 0.0), 0.99)

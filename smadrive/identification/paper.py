@@ -27,9 +27,11 @@ SAMPLES_PER_STRETCH = 200
 class Errors:
     """The errors of a rebuilt model: its output minus that of the Duhem model.
 
-    `major` is the smallest and the largest error on the major loop of the paper, `mixed` the same on its mixed loop.
-    Both have the unit of the output, whose full range is k = 40. No fit used the `RANDOM_LOOPS` random loops. Each of
-    them has a largest error; `unseen_percent` is the median and the maximum of these errors, in % of k.
+    name             name of the rebuilt model
+    major            smallest and largest error on the major loop, in the unit of the output (full range: k = 40)
+    mixed            smallest and largest error on the mixed loop, in the unit of the output
+    unseen_percent   median and maximum, over `RANDOM_LOOPS` random loops, of the largest error on a loop, in % of k; no
+                     fit used these loops
     """
 
     name: str
@@ -39,7 +41,7 @@ class Errors:
 
 
 def rebuild(duhem: DuhemModel) -> dict[str, TSFuzzyDuhem]:
-    """Return three models of 11 x 2 rules: one derived from the Duhem model, two identified from its output."""
+    """Return three models of 11 x 2 rules by name: one derived from the Duhem model, two identified from its output."""
     uniform = np.linspace(*duhem.input_range, SETS)
     path = np.concatenate([major_loop(), random_loop(np.random.default_rng(2013), turns=120)])
     y = duhem.simulate(path)
@@ -51,7 +53,7 @@ def rebuild(duhem: DuhemModel) -> dict[str, TSFuzzyDuhem]:
 
 
 def judge(name: str, model: TSFuzzyDuhem, duhem: DuhemModel) -> Errors:
-    """Return the errors of the rebuilt `model` on all loops."""
+    """Return the errors of the rebuilt `model`, with its `name`, on all loops."""
 
     def error(path: Array) -> Array:
         return model.simulate(path) - duhem.simulate(path)

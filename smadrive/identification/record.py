@@ -1,8 +1,8 @@
 """Preparation of a measured record for a fit: false reversals are removed, the loop is checked, samples are averaged.
 
-The model is rate-independent and steps exactly. So a monotone section of the path is divided into cells of a few
-thousandths of the input span. The mean of the samples in a cell replaces these samples, and their number is the weight
-of the mean. Turning points stay unchanged.
+The models are rate-independent, and a step of any length is exact. So each monotone section of the path is divided into
+cells of 1/150 of the input span. The mean of the samples in a cell replaces these samples, and their number is the
+weight of the mean. Turning points stay unchanged.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Changes of a model by hand, for a wire whose branches have moved or become wider.
+"""Change of place, width and scale of the branches of a model, for a wire whose branches have moved or become wider.
 
 The place μ and the spread σ of a branch P(v) of the major loop are the mean and the standard deviation of its slope,
 taken as a distribution over the input v:
@@ -7,7 +7,7 @@ taken as a distribution over the input v:
 
 A new law of the state results from the old law: with u(v) = μ_old + (v - μ_new) σ_old/σ_new, the new law at v is the
 old law at u, divided by the stretch σ_new/σ_old. For a Duhem model this is exact. In a T-S fuzzy model both branches
-share the sets of the rules. So the centres move by the mean of the moves of both branches, and the new consequents are
+share the sets of the rules. So each centre moves by the mean of the moves of both branches, and the new consequents are
 interpolated between the old consequents. Contraction and boundedness depend only on the signs of the rates, so the new
 model is contracting and bounded, too. Slopes that have the wrong sign in the new model are corrected.
 """
@@ -36,11 +36,11 @@ from smadrive.identification.tsfuzzy.monotone import monotone
 from smadrive.numerics.arrays import FloatArray
 
 _INVERTIBLE = 0.999
-"""Slopes are corrected if `Certificate.invertible_share` is below this value. A smaller error is not worth the time."""
+"""Slopes are corrected if `Certificate.invertible_share` is at most this value: a better share is good enough."""
 
 
 _CLOSEST = 1e-6
-"""The least distance of thresholds at an end of the input range, as a share of the range."""
+"""The least distance of two thresholds that are moved to an end of the input range, as a share of the range."""
 
 
 class BranchShape(NamedTuple):
@@ -146,9 +146,10 @@ def _moved_with_memory(model: TSFuzzyPreisach, heating: _Move, cooling: _Move, s
 def moved_plane(up: FloatArray, down: FloatArray, mass: FloatArray, ends: tuple[float, float]) -> PreisachPlane:
     """Return the plane with the thresholds `up` and `down`, which have moved, and with the masses `mass` of its cells.
 
-    Thresholds outside the input range `ends` move to its ends. After the move, a cell may lie where relays would switch
-    off above their up-threshold. Its mass then goes to the next possible cell with a higher up-threshold. If there is
-    none, it goes to a cell of the highest up-threshold. The sum of the masses stays 1.
+    Thresholds outside the input range `ends` move to the nearest end. After the move, the relays of a cell may have
+    down-thresholds above their up-thresholds. The mass of such a cell goes to the next possible cell with the same
+    down-thresholds and higher up-thresholds. If no such cell exists, the mass goes to a possible cell with the highest
+    up-thresholds. The sum of the masses stays 1.
     """
     up, down = _within(up, ends), _within(down, ends)
     allowed, masses = in_plane(up, down), mass.copy()
@@ -165,7 +166,7 @@ def _last(allowed: np.ndarray) -> int:
 
 
 def _within(thresholds: FloatArray, ends: tuple[float, float]) -> FloatArray:
-    """Return the thresholds within the range `ends`, still ascending."""
+    """Return the thresholds, limited to the range `ends` and still ascending."""
     steps = _CLOSEST * (ends[1] - ends[0]) * np.arange(len(thresholds))
     return np.asarray(np.clip(thresholds, ends[0] + steps, ends[1] - steps[::-1]))
 
@@ -194,7 +195,7 @@ def _check_widths(*sigmas: float) -> None:
 
 
 def _moments(nodes: FloatArray, branch: FloatArray) -> tuple[float, float]:
-    """Return mean and standard deviation of v, weighted with the slope of the branch; NaN and 0 if it does not rise."""
+    """Return mean and standard deviation of v, weighted with the slope of `branch`; NaN and 0 if it does not rise."""
     rise, middle = np.diff(branch), (nodes[1:] + nodes[:-1]) / 2
     if not rise.sum() > 0.0:
         return nan, 0.0
@@ -222,7 +223,7 @@ def _moved_rules(model: TSFuzzyDuhem, heating: _Move, cooling: _Move) -> _Rules:
 def _moments_of_rules(rules: _Rules, nodes: FloatArray) -> list[tuple[float, float]]:
     """Return place and spread of both branches of `rules`.
 
-    `nodes` may be the grid of another model. This is accurate enough, and four times as fast as a new grid.
+    `nodes` may be the grid of another model. Such a grid is accurate enough, and four times as fast as a new grid.
     """
     branches = MembershipGrid(rules.sets, nodes).closed_branches(rules.heating_law, rules.cooling_law)
     return [_moments(nodes, branch.target) for branch in branches]

@@ -7,7 +7,7 @@ scaled to its span). With P(t) and w(t) given, the heat balance is linear,
 
 with the wire temperature T, heat capacity m c, latent heat Q, heat loss h A and ambient temperature T_a. So two
 first-order filters simulate the reading exactly. The fit finds the parameters (m c, h A, Q, T_a, lag) with the smallest
-error of the reading, and never differentiates a noisy signal. The resistance R(w) is a separate line fit of U/I.
+error of the reading, and never differentiates a noisy signal. A separate linear fit of U/I gives the resistance R(w).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy  # imports scipy.signal, which takes 0.4 s, at its first use: most programs of this file fit nothing
+import scipy  # imports scipy.signal (0.4 s) only at its first use: most programs that import this file fit nothing
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
@@ -40,16 +40,16 @@ NAMES = {
 }
 """The parameters of the fit in their order, with their names in messages."""
 FIT = "thermal fit"
-"""The part `where` of the errors in this file."""
+"""The attribute `where` of the errors that this file raises."""
 
 MIN_SAMPLES, MIN_HEATED_SAMPLES = 200, 20
 MOVES = 8.0
-"""Smallest span of a movement, in standard deviations of the steps between samples. White noise spans 3.6."""
+"""Smallest span of the displacement of a moving wire, in standard deviations of its steps. White noise spans 3.6."""
 
 SYSTEMATIC = 0.005
 """Relative systematic error of the fit, from the sampling and the lumped model; found on simulated wires."""
 UNCERTAIN = {"heat_capacity_j_per_k": 0.1, "loss_w_per_k": 0.1, "latent_heat_j": 0.3}
-"""Largest allowed half of the 95 % interval, as a share of the parameter, for the parameters of the feedforward."""
+"""Largest allowed half of the 95 % interval, as a share of each parameter that the feedforward uses."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,9 @@ class _Samples:
 def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit:
     """Fit the heat balance to one recorded excitation.
 
-    The search begins at the nominal heat balance `start`. A parameter stays within a factor of 5, and ambient_c within
-    16 K. IdentificationError for an unusable record (too short, unsorted, no heating, no movement), and for a parameter
-    that ends at its bound or has too large an interval.
+    The search begins at the nominal heat balance `start`. It keeps each parameter within a factor of 5 of its nominal
+    value, and ambient_c within 16 K. IdentificationError for an unusable record (too short, unsorted, no heating, no
+    movement), and for a parameter that ends at its bound or has too large an interval.
     """
     _check_excited(record)
     phase = _phase(record.displacement_mm, record.temperature_c)

@@ -1,10 +1,10 @@
 """Identification of a wire from one recorded excitation: its heat balance, its hysteresis, then its resistance.
 
 The order matters. The thermocouple lags the wire by about 0.1 s, which at a few K/s is several tenths of a kelvin. In
-the middle of the loop 1 K is 5 to 7 % of the stroke. So a hysteresis model that is fitted to the reading would be too
-wide. The thermal fit comes first, and the hysteresis model is fitted to the temperature of the wire itself. The
-resistance depends on this temperature and on the phase, whose ends are those of the hysteresis model. A wire without a
-usable resistance is complete without it.
+the middle of the loop 1 K is 5 to 7 % of the stroke. So a hysteresis model that is fitted to the reading would have
+too wide a loop. The thermal fit comes first, and the hysteresis model is fitted to the temperature of the wire itself.
+The resistance depends on this temperature and on the phase. The hysteresis model gives the cold and the hot end of the
+phase. If the resistance is not usable, the identified wire has none.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ FloatArray = NDArray[np.float64]
 
 
 def float_array(name: str, values: ArrayLike) -> FloatArray:
-    """Return `values` as a float64 array of any shape. DataError when they are not numbers; the error names `name`."""
+    """Return `values` as a float64 array of any shape. DataError about `name` when they are not numbers."""
     try:
         return np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
@@ -21,7 +21,7 @@ def float_array(name: str, values: ArrayLike) -> FloatArray:
 def finite_array(name: str, values: ArrayLike) -> FloatArray:
     """Return `values` as a finite float64 array of shape (samples,) or (samples, wires), with at least one sample.
 
-    Raises DataError for other shapes and values; the error names the first sample that is not finite.
+    Raises DataError about `name` for other shapes and values. It names the first sample that is not finite.
     """
     array = float_array(name, values)
     if array.ndim not in (1, 2) or array.shape[0] == 0:

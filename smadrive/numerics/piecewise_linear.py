@@ -1,7 +1,7 @@
 """A piecewise linear function, looked up one point at a time.
 
-A control loop looks up single values several times a tick. numpy's interpolation gives the same values to the last bit,
-but takes five times as long for a single value.
+A control loop looks up single values several times a tick. `numpy.interp` gives exactly the same values, but takes five
+times as long for a single value.
 """
 
 from __future__ import annotations

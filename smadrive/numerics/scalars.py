@@ -1,4 +1,4 @@
-"""Checks of single numbers, the arguments of a script. A text is not a number, even if it consists of digits."""
+"""Checks of single numbers that a script passes as arguments. A text is not a number, even if it consists of digits."""
 
 from __future__ import annotations
 

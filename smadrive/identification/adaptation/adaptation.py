@@ -1,19 +1,20 @@
-"""Online adaptation: recursive least squares of the rules, for a wire that changes during its use.
+"""Online adaptation: recursive least squares of the model, for a wire that changes during its use.
 
-The model is w = (1 - share) x + share p: x is the state of its rules, p the state of its Preisach plane, and share is 0
-for a model without memory. The parameters θ are bounded so that every step keeps the certificates of the model:
+The state of the model is w = (1 - share) x + share p. x is the state of the rules, p the state of the Preisach plane,
+and share is 0 for a model without memory. The parameters θ are bounded so that every step keeps the certificates of
+the model:
 
     θ = (rates of the rules, moves of the thresholds of the plane, ln scale)
 
 rules_state.py and plane_state.py compute x and p with their sensitivities ∂x/∂θ and ∂p/∂θ. The measured temperature
-drives both, and a change of θ changes both as if the new θ had always been in force. The error e of the displacement y
-corrects θ with the gain K of a Kalman filter:
+drives x and p. A change of θ changes x and p as if the new θ had always been in force. y is the measured displacement.
+The error e of the model corrects θ with the gain K of a Kalman filter:
 
-    e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P
+    e = y - offset - scale w      ψ = -∂e/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P
 
-ψ is the sensitivity of y and ψ' its transpose, r the variance of its noise, P the covariance of θ. P begins as the
-covariance P₀ of likely changes of a wire: its branches shift or widen, and its scale drifts. While the wire travels,
-the filter forgets: θ is an Ornstein-Uhlenbeck process around its initial value θ₀,
+ψ' is the transpose of ψ, r the variance of the noise of y, and P the covariance of θ. P begins as the covariance P₀ of
+the likely changes of a wire: its branches shift or widen, and its scale drifts. While the wire travels, the filter
+forgets: θ is an Ornstein-Uhlenbeck process around its initial value θ₀,
 
     θ - θ₀ *= ρ      P = ρ² P + (1 - ρ²) P₀      ρ² = exp(-|dv| / forgetting_c)
 
@@ -21,9 +22,10 @@ So P never exceeds P₀, and θ returns to θ₀ in every direction that the sam
 wire reaches its hot end, an error of the scale and an error of the rules at the hot end can compensate each other.
 Errors within the dead zone count as noise: θ learns nothing from them, and larger errors are reduced by the dead zone.
 
-A sample with a jump, or with an error larger than any likely change, is not used. The adaptation ends, and θ returns to
-an earlier value, if the sensor shows no travel while the wire travels, or if its errors stay too large. No parameter
-moves further from its initial value than `limit` standard deviations of the likely changes.
+A sample is rejected if its error is larger than any likely change explains, or if the error has jumped. The adaptation
+ends, and θ returns to an earlier value, if the sensor shows no travel while the wire travels, or if too many samples in
+a row are rejected. No parameter moves further from its initial value than `limit` standard deviations of
+the likely changes.
 """
 
 from __future__ import annotations
@@ -45,11 +47,11 @@ from smadrive.numerics.arrays import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class AdaptationSettings:
-    """Speed and range of the adaptation. Displacements are shares of the stroke, temperatures are in K.
+    """Speed and range of the adaptation. Displacements are shares of the stroke.
 
     noise          standard deviation of the noise of the displacement
-    dead_zone      displacement error up to which a sample changes no parameter
-    forgetting_c   travel in K over which the covariance of the parameters returns to its initial value (1/e is left)
+    dead_zone      displacement error up to which the filter learns nothing from a sample
+    forgetting_c   travel, K, after which 1/e of the change of the covariance by earlier samples is left
     limit          largest distance of a parameter from its initial value, in standard deviations of the likely changes
     likely         likely changes of the wire
     """
@@ -65,7 +67,10 @@ ADAPTED = "adaptation"
 """The name of the changes of a tuning that the adaptation makes."""
 
 GATE = 5.0
-"""A sample with an error of more standard deviations than this is rejected."""
+"""A sample is rejected if its error exceeds this number of standard deviations of the likely error.
+
+The likely error consists of the likely changes of the wire and of the noise.
+"""
 JUMP_PER_C, JUMP = 0.05, 0.15
 """A sample is also rejected if its error has jumped since the last accepted sample.
 
@@ -74,9 +79,9 @@ The error may change by `GATE` standard deviations of the noise, plus JUMP_PER_C
 MOST_DISBELIEVED = 15
 """The sensor is faulty if more than this number of samples in a row are rejected."""
 TRUSTED_MARKS = 30
-"""If the sensor is faulty, the parameters from this number of checks before are restored."""
+"""The parameters of this number of checks are kept. If the sensor is faulty, the oldest of them are restored."""
 STUCK_TRAVEL, STUCK_RANGE = 0.04, 0.1
-"""A sensor is stuck if it shows less than STUCK_RANGE of a predicted travel of more than STUCK_TRAVEL strokes."""
+"""A sensor is stuck if it shows less than the share STUCK_RANGE of a predicted travel above STUCK_TRAVEL strokes."""
 
 
 class Adaptation:
@@ -169,7 +174,7 @@ class Adaptation:
         self._covariance = kept * self._covariance + (1.0 - kept) * self._prior
 
     def _set(self, theta: FloatArray) -> None:
-        """Put θ in force. The state of the rules becomes the one that these rates would have reached (to first order).
+        """Put θ in force, and change the state of the rules as if θ had always been in force (to first order).
 
         Otherwise the error of a wire at rest would stay, and every further sample would correct θ again.
         """
@@ -197,7 +202,7 @@ class Adaptation:
         self._covariance -= np.outer(gain, direction)
 
     def _prediction(self) -> tuple[float, FloatArray]:
-        """Return the displacement that the present model predicts, and ψ, in strokes."""
+        """Return the displacement that the present model predicts, in strokes, and ψ."""
         w, slopes = self._state()
         stroke = abs(self._base.scale)
         return (self._base.offset + self._scale * w) / stroke, np.append(slopes, w) * self._scale / stroke
@@ -208,7 +213,7 @@ class Adaptation:
         return self._prediction()[0] * abs(self._base.scale)
 
     def _watch(self, measured: float) -> None:
-        """End the adaptation if too many samples are rejected, or if the sensor stands still while the wire travels."""
+        """End the adaptation if too many samples are rejected, or if the sensor shows no travel of the wire."""
         travel = self._travel
         if self._disbelieved > MOST_DISBELIEVED:
             self.end("the displacement error stays larger than any likely change of the wire explains")
@@ -219,18 +224,18 @@ class Adaptation:
                 self._mark(measured)
 
     def _mark(self, measured: float) -> None:
-        """Keep the present parameters, because the sensor has followed the wire since the last check."""
+        """Keep the present parameters and begin a new check: the sensor has followed the wire since the last check."""
         self._travel = Travel(measured)
         self._marked.append(self._theta)
 
     def end(self, why: str) -> None:
-        """End the adaptation because of the fault `why` of a sensor, and restore earlier parameters."""
+        """End the adaptation because of the sensor fault `why`, and restore earlier parameters."""
         self.sensor_fault = why
         self._theta = self._marked[0]
 
 
 def _parts(model: TSFuzzyDuhem | TSFuzzyPreisach) -> tuple[TSFuzzyDuhem, PlaneState | None, float, FloatArray]:
-    """Return the rules of the model, the state of its plane, its share, and the moves of the plane at the start."""
+    """Return the rules of the model, its plane (None without memory), the share of the plane, and the initial moves."""
     if isinstance(model, TSFuzzyPreisach):
         return model.local, PlaneState(model), model.share, UNMOVED
     return model, None, 0.0, np.empty(0)

@@ -27,7 +27,8 @@ class LikelyChanges:
 
     drift_c    shift of a branch, K
     drift      change of the scale and of the width of a branch, as a share
-    free       change of a single rate, as a share of the largest of this rate and its neighbours
+    free       change of a single rate, as a share of the largest rate among its set and the two neighbouring sets, and
+               at least of a tenth of the largest rate of all sets
     """
 
     drift_c: float = 3.0

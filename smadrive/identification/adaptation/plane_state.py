@@ -1,12 +1,13 @@
 """The state of an adapted Preisach plane, and its derivatives with respect to the moves of its thresholds.
 
-The masses of the plane stay; its up-thresholds α and its down-thresholds β move like the branches of the wire:
+The masses of the plane do not change. Its up-thresholds α and its down-thresholds β move like the branches of the wire:
 
     α' = μ₊ + d₊ + (α - μ₊) exp(s₊)        β' = μ₋ + d₋ + (β - μ₋) exp(s₋)        θ = (d₊, s₊, d₋, s₋)
 
-μ₊ and μ₋ are the places of the heating and of the cooling branch. So the moved plane has the Everett function
-E'(a, b) = E(α(a), β(b)), where α(a) and β(b) are the thresholds that have moved to a and b. The state follows from the
-turning points alone, for every θ:
+μ₊ and μ₋ are the places of the heating and of the cooling branch, d₊ and d₋ the shifts of the thresholds, s₊ and s₋ the
+logarithms of their stretches. E is the Everett function before the move. After the move it is E'(a, b) = E(α(a), β(b)):
+α(a) and β(b) are the thresholds that the move brings to a and b. The state follows from the turning points alone, for
+every θ:
 
     p = E'(v_1, v_0) - E'(v_1, v_2) + E'(v_3, v_2) - ...        v_0, v_1, ... the turning points and the present input
 """
@@ -39,7 +40,7 @@ class PlaneState:
         self._v = model.input_range[0]
 
     def start(self, turns: Turns, v: float) -> None:
-        """Begin with these turning points, at the input v."""
+        """Begin at the input v, after the turning points `turns`."""
         self._turns, self._v = turns, self._inside(v)
 
     def move(self, v: float) -> None:

@@ -1,11 +1,12 @@
 """The state of adapted rules, and its derivatives with respect to their rates.
 
-A rule is described by two rates p, q ≥ 0. Over the travel |v| of the input, the state x follows
+Each rule has two rates: p ≥ 0 towards x = 1, and q ≥ 0 towards x = 0. The state x follows
 
     dx/d|v| = p (1 - x) - q x
 
-The sensitivities z = ∂x/∂θ obey the same linear law. θ holds the rates, one number per set: p and q of the heating
-rules, then p and q of the cooling rules.
+d|v| is the distance that the input v moves, up or down. p and q are here the means of the rates of all rules for this
+direction, weighted with the memberships of v. The sensitivities z = ∂x/∂θ follow from the derivative of this equation.
+θ holds the rates, one number per set: p and q of the heating rules, then p and q of the cooling rules.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from smadrive.identification.tsfuzzy.sensitivity import laws_of
 from smadrive.numerics.arrays import FloatArray
 
 LEAST_RATE = 1e-3
-"""Lower limit of p of each heating rule and of q of each cooling rule, times the width of the input range.
+"""Lower limit of p of each heating rule and of q of each cooling rule, in 1/(input span).
 
-So every rule contracts.
+With this limit every rule contracts.
 """
 
 LONGEST_STEP = 0.25
-"""The largest change of v in one step, in the unit of v. A larger change is divided."""
+"""The largest change of v in one step, in the unit of v. A larger change is made in several steps."""
 
 
 def rates_of(model: TSFuzzyDuhem) -> FloatArray:
@@ -58,20 +59,20 @@ class RulesState:
         return TSFuzzyDuhem.from_laws(base.sets, *laws, scale, base.offset, base.input_range)
 
     def move(self, rates: FloatArray, v0: float, v1: float) -> None:
-        """Advance state and sensitivities from v0 to v1, in pieces over which the law counts as constant."""
+        """Advance state and sensitivities from v0 to v1, in pieces over which the rates count as constant."""
         pieces = max(1, int(np.ceil(abs(v1 - v0) / LONGEST_STEP)))
         step = (v1 - v0) / pieces
         for piece in range(pieces if step else 0):
             self._piece(rates, v0 + (piece + 0.5) * step, step)
 
     def change(self, rates: FloatArray) -> None:
-        """Change the state by ∂x/∂θ times the change `rates` of θ, within [0, 1]."""
+        """Change the state x for a change `rates` of θ, to first order. x stays within [0, 1]."""
         self.x = min(max(self.x + float(self.z @ rates), 0.0), 1.0)
 
     def _piece(self, rates: FloatArray, middle: float, step: float) -> None:
-        """Advance x and z over one piece.
+        """Advance x and z over one piece of the length |`step|` around the input `middle`.
 
-        x is the exact solution of dx/d|v| = p (1 - x) - q x. The step of z takes x in the middle of the piece.
+        x follows the exact solution of dx/d|v| = p (1 - x) - q x. The step of z uses the mean of x over the piece.
         """
         lower, upper = self._base.input_range
         if not lower <= middle <= upper:

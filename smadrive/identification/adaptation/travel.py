@@ -1,4 +1,4 @@
-"""The travel of a wire since a check, as its model predicts it and as the sensor shows it."""
+"""The travel of a wire since the last check of the sensor, as its model predicts it and as the sensor shows it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from __future__ import annotations
 class Travel:
     """The ranges of the predicted and the measured displacement since the last check, in strokes.
 
-    The predicted range contains the moves of the wire only: a prediction that changes because the model learns is no
-    travel.
+    The predicted range contains only the moves of the wire. A change of the prediction by learning is not travel.
     """
 
     def __init__(self, measured: float) -> None:

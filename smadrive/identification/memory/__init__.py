@@ -1,1 +1,1 @@
-"""Identification of models with memory: the masses of a Preisach plane, its share beside the rules, held-out loops."""
+"""Identification of models with memory: masses of a Preisach plane, rules and plane in parallel, held-out loops."""

@@ -1,7 +1,7 @@
 """Models with memory, fitted to a record: a Preisach plane alone, or rules and a plane in parallel.
 
-For rules and a plane, `parallel.py` first divides the output of the record between both parts. The rules are then
-fitted to their part of the output, in the same way as rules without memory.
+For rules and a plane, `parallel.py` first divides the output of the record into a part of the rules and a part of the
+plane. Then the rules are fitted to their part of the output, in the same way as rules without memory.
 """
 
 from __future__ import annotations
@@ -19,21 +19,25 @@ from smadrive.identification.record import Record, prepare
 from smadrive.numerics.arrays import FloatArray
 
 COARSE = 28
-"""Number of thresholds on each axis of the plane while the output is divided between rules and plane."""
+"""Largest number of thresholds on each axis of the plane while the output is divided between rules and plane."""
 
 SMOOTHNESS = 0.002
-"""Weight of the prior of the densities."""
+"""Weight λ of the prior that compares the densities of neighbouring cells (see plane_fit.py)."""
 
-_LEAST_SHARE = 0.03  # of the Duhem part
+_LEAST_SHARE = 0.03  # smallest part of the rules or of the plane that is not negligible, in output spans
 
 FitRules = Callable[[Record], tuple[TSFuzzyDuhem, float]]
-"""A function that fits rules without memory to a record, and returns the model with the output at the first sample."""
+"""A function that fits rules without memory to a record, and returns the model with its output at the first sample."""
 
 Model = TSFuzzyDuhem | TSFuzzyPreisach
 
 
 class _Plane:
-    """The masses of a plane on a grid, as they are fitted: not normalised, and negative if the output falls."""
+    """A plane for a record: its grid, the share of the relays that are on, and the fit of its masses.
+
+    `sign` is -1 if the output falls when the input rises. Masses are never negative: they explain `sign` times the
+    output.
+    """
 
     def __init__(self, record: Record, thresholds: int) -> None:
         self.grid: PlaneGrid = grid_of(record, thresholds)
@@ -44,9 +48,10 @@ class _Plane:
         self.problem = PlaneProblem.of(self.shares_on, np.sqrt(record.count), self.grid, SMOOTHNESS)
 
     def model(self, rules: TSFuzzyDuhem, output: tuple[float, float], masses: FloatArray) -> TSFuzzyPreisach:
-        """Return the model that adds `masses`, in the unit of y, to the rules.
+        """Return the model of `rules` and this plane in parallel.
 
-        `output` holds scale and offset of the part of the rules.
+        `output` holds scale and offset of the part of the rules. `masses` (cells,) are those of the plane. Scale,
+        offset and masses have the unit of y.
         """
         mass = np.zeros(self.grid.cells.shape)
         mass[self.grid.cells] = masses / masses.sum()
@@ -61,7 +66,8 @@ class _Plane:
 def plane_alone(record: Record, sets: int, duhem: DuhemModel) -> tuple[Model, float]:
     """Return a Preisach plane that is fitted to `record`, and the output of this model at the first sample.
 
-    The plane has `sets` thresholds on each axis. The model also holds rules, those of `duhem`, but their share is 0.
+    The plane has at most `sets` thresholds on each axis. The model also holds rules that follow from `duhem`, but their
+    share of the output is 0.
     """
     plane = _Plane(record, sets)
     bottom, masses = plane.problem.with_bottom(plane.sign * record.mean_y)
@@ -74,9 +80,9 @@ def plane_alone(record: Record, sets: int, duhem: DuhemModel) -> tuple[Model, fl
 def rules_and_plane(record: Record, sets: int, duhem: DuhemModel, fit_rules: FitRules) -> tuple[Model, float]:
     """Return rules and a Preisach plane in parallel, fitted to `record`, and the model's output at the first sample.
 
-    The plane has `sets` thresholds on each axis. `duhem` has one Gaussian per branch, and the search for the part of
-    the rules starts from its parameters. `fit_rules` fits the rules. If the rules or the plane turn out negligible, the
-    model is the other part alone.
+    The plane has at most `sets` thresholds on each axis. `duhem` has one Gaussian per branch, and the search for the
+    part of the rules starts from the parameters of `duhem`. `fit_rules` fits the rules. If the part of the rules is
+    negligible, the model is a plane alone; if the part of the plane is negligible, it is rules without memory.
     """
     coarse = _Plane(record, min(sets, COARSE))
     sign, span = coarse.sign, record.output_span

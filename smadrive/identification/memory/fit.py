@@ -1,13 +1,14 @@
 """The choice of a model with or without memory, by loops of the record that are held out of the fit.
 
 There are three candidates: rules without memory, a Preisach plane alone, and both in parallel. Each is fitted twice,
-and each time another third of the loops is held out. These loops keep their places in the path of the input, because
-the state of the wire depends on the whole path, but their outputs are hidden from the fit. Memory must reduce the error
-on these loops clearly, because a plane has hundreds of masses. Both parts together must also explain the whole record
-much better than the plane alone: on few loops they can take the place of each other.
+and each time another third of the loops is held out. The inputs of held-out loops stay in the path, because the state
+of the wire depends on the whole path, but their outputs are hidden from the fit. Memory must reduce the error on these
+loops clearly, because a plane has hundreds of masses. Rules and plane in parallel must also explain the whole record
+much better than the plane alone, because few loops do not tell the two parts apart.
 
-A one-sided record has no heating curve that begins inside the loop. On it the plane needs less evidence, because
-measured wires nearly return to their turning points (return-point memory, Mayergoyz 1986).
+A one-sided record has no heating curve that begins inside the loop. On such a record the plane may have a larger
+error than the rules, because measured wires nearly return to their turning points (return-point memory, Mayergoyz
+1986).
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ MOST_TURNING_POINT_SETS = 40
 """The largest number of sets of the last turning point."""
 
 THIRDS = (1, 2)
-"""The thirds of the loops that are held out in turn. The first third is always fitted: it has the major loop."""
+"""Loop n belongs to the third n % 3. These thirds are held out in turn; third 0 is not, as it has the major loop."""
 
 LEAST_LOOPS = 6
 """Smallest number of loops from which the memory of a wire can be judged."""
@@ -45,7 +46,7 @@ Candidate = Callable[[Record], tuple[Model, float]]
 """A function that fits a candidate to a record. It returns the model with its output at the first sample."""
 
 _MEMORY_PAYS = 0.8  # largest held-out error with memory, as a share of that without
-_HOPELESS = 4.0  # no part of the wire is a plane if its error on the whole record is so many times that of the rules
+_HOPELESS = 4.0  # the rules are chosen if the plane's error on the whole record exceeds their error by this factor
 _BOTH_FIT = 0.6  # largest error of rules and plane on the whole record, as a share of that of the plane alone
 _BOTH_PREDICT = 0.9  # largest held-out error of rules and plane, as a share of that of the plane alone
 _ONE_SIDED_PAYS = 2.5  # largest held-out error with memory on a one-sided record, as a share of that without
@@ -59,7 +60,7 @@ _UNSEEN = 1e-6  # weight of a sample that is held out
 NOTHING_LEFT = 0.2
 """Rules with at most this RMS error, % of the output span, explain the record without memory.
 
-If the noise is larger, it is the limit.
+If the noise of the output is larger, the noise is the limit.
 """
 
 FEWEST_TURNING_POINT_SETS = 4
@@ -96,7 +97,7 @@ def identify_memory(
 
 
 def check_memory(memory: object, error: type[SmadriveError], where: str = "memory") -> None:
-    """Raise `error` if `memory` is not a possible number of sets of the last turning point. 1 is no memory."""
+    """Raise `error` unless `memory` is 1 (no memory), or 4 to 40 sets of the last turning point."""
     if memory == 1 and not isinstance(memory, bool):
         return
     unit = "sets of the last turning point"
@@ -132,9 +133,9 @@ class MemoryChoice:
     """How the memory of a model was chosen.
 
     `sets` is the number of sets of the last turning point; 1 is no memory. `with_percent` and `without_percent` are the
-    RMS errors with and without memory on the held-out loops, which the fits did not see, in % of the output span. They
-    are NaN if the number of sets was given, if the record has too few loops, and if a plane alone explains it much
-    worse than rules do. `caveats` are reasons to distrust the choice.
+    RMS errors with and without memory on the held-out loops, in % of the output span. They are NaN if the number of
+    sets was given, if the record has too few loops, if rules alone explain the record, and if a plane alone explains
+    the record much worse than rules. `caveats` are reasons to distrust the choice.
     """
 
     sets: int
@@ -163,12 +164,12 @@ def loops_of(record: Record) -> np.ndarray:
 def choose(
     record: Record, sets: int, fit_rules: FitRules, rules: tuple[TSFuzzyDuhem, float]
 ) -> tuple[Model, float, MemoryChoice]:
-    """Return the model that predicts held-out loops best, its output at the first sample, and the choice.
+    """Return the chosen model, its output at the first sample, and how it was chosen.
 
     The candidates are rules, a Preisach plane, and both in parallel. A candidate with memory must be clearly better
-    than the rules, and both in parallel must be clearly better than the plane. `sets` is the number of sets of the last
-    turning point of the candidates with memory. `fit_rules` fits the rules, and `rules` is its result for the whole
-    record.
+    than the rules (but see `_ONE_SIDED_PAYS`), and both in parallel must be clearly better than the plane. `sets` is
+    the number of sets of the last turning point of the candidates with memory. `fit_rules` fits the rules, and `rules`
+    is the result of `fit_rules` for the whole record.
     """
     fit_plane, fit_both = _candidates(record, sets, fit_rules)
     plane = fit_plane(record)
@@ -182,7 +183,7 @@ def choose(
 
 
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
-    """Return the better model with memory, its output at the first sample, and the choice.
+    """Return the better model with memory, its output at the first sample, and how it was chosen.
 
     `sets` is the number of sets of the last turning point; `fit_rules` fits the rules.
     """
@@ -205,7 +206,7 @@ def _better(
 ) -> tuple[tuple[Model, float], float, tuple[str, ...]]:
     """Return the better fitted candidate with memory, its held-out error in % of the output span, and its caveats.
 
-    `plane` is the result of `fit_plane` for the whole record. On a one-sided record the plane alone is better.
+    `plane` is the result of `fit_plane` for the whole record. On a one-sided record the result is the plane.
     """
     held_out = _held_out(record, fit_plane)
     if not _shows_heating_inside(record):
@@ -226,8 +227,8 @@ def _sets_of(model: Model, sets: int) -> int:
 def _shows_heating_inside(record: Record) -> bool:
     """Return True if a heating curve of the record begins inside the loop.
 
-    If every heating curve begins at the cold end, the record is one-sided. Rules and a plane whose two thresholds are
-    independent then predict the same falling curves, so the record cannot tell how its output divides between them.
+    If every heating curve begins at the cold end, the record is one-sided. Rules then predict the same falling curves
+    as a plane whose up- and down-thresholds are independent, so the division between rules and plane is undetermined.
     """
     rises, cold_y = np.diff(record.v) > 0, record.mean_y[np.argmin(record.v)]
     begins = np.flatnonzero(rises[1:] & ~rises[:-1]) + 1
@@ -235,7 +236,7 @@ def _shows_heating_inside(record: Record) -> bool:
 
 
 def _held_out(record: Record, fit: Candidate) -> float:
-    """Return the RMS error of a candidate on the loops that it did not see, % of the output span."""
+    """Return the RMS error of a candidate on the loops that were hidden from its fit, % of the output span."""
     loops, squares, samples = loops_of(record), 0.0, 0.0
     for third in THIRDS:
         hidden = loops % 3 == third

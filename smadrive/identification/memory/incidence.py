@@ -22,7 +22,7 @@ from smadrive.numerics.arrays import FloatArray
 class PlaneGrid:
     """The grid of a Preisach plane: its thresholds `up` and `down`, and a mask `cells`.
 
-    `cells` (up - 1, down - 1) is True for each cell that may have a mass.
+    `cells`, shape (len(up) - 1, len(down) - 1), is True for each cell that may have a mass.
     """
 
     def __init__(self, up: FloatArray, down: FloatArray, cells: np.ndarray) -> None:
@@ -32,7 +32,7 @@ class PlaneGrid:
     def shares_on(self, v: FloatArray, turns: Turns) -> FloatArray:
         """Return the share of the relays of each cell that are on, shape (samples, cells with a mass).
 
-        `v` (samples,) is the path, and `turns` are the turning points before its first sample.
+        `v` (samples,) is the path, and `turns` are the turning points before the path.
         """
         weights = self._state_weights(float(v[0]), turns)
         rows = np.empty((len(v), weights.size))
@@ -52,14 +52,14 @@ class PlaneGrid:
         return self._of_cells(rows)
 
     def _state_weights(self, v: float, turns: Turns) -> FloatArray:
-        """Return the weights of the nodes of E in the state p at v, after `turns`."""
+        """Return the weight of each node value of E in the state p at the input v, after the turning points `turns`."""
         weights = np.zeros(self._nodes[0] * self._nodes[1])
         for count, (turn, end) in enumerate(zip(turns, (*turns[1:], v), strict=True), start=1):
             self._add(weights, turn, end, 1.0, count % 2 == 1)
         return weights
 
     def _add(self, weights: FloatArray, turn: float, v: float, sign: float, rising: bool) -> None:
-        """Add sign · (E(v, turn) if `rising`, else -E(turn, v)) to the weights of the nodes."""
+        """Add to `weights` the node weights of sign · E(v, turn) if `rising`, otherwise of -sign · E(turn, v)."""
         i, s = _place(self.up, v if rising else turn)
         j, t = _place(self.down, turn if rising else v)
         corner = i * self._nodes[1] + j
@@ -70,7 +70,10 @@ class PlaneGrid:
         weights[corner + self._nodes[1] + 1] += sign * s * t
 
     def _of_cells(self, rows: FloatArray) -> FloatArray:
-        """Return the weights of the cells from those of the nodes: E[i, j] is the mass of the cells k < i, l ≥ j."""
+        """Return the weights of the cells, computed from the weights of the nodes: one row per sample in both.
+
+        The value of E at the node (i, j) is the sum of the masses of the cells (k, l) with k < i and l ≥ j.
+        """
         nodes = rows.reshape(len(rows), *self._nodes)
         above = np.cumsum(nodes[:, ::-1, :], axis=1)[:, -2::-1, :]  # Σ over i > k
         both = np.cumsum(above, axis=2)[:, :, :-1]  # Σ over j ≤ l

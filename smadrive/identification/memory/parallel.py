@@ -7,8 +7,8 @@ one Gaussian per branch: mean μ₊ and standard deviation σ₊ on heating, μ�
 Duhem part. m_cell is the mass of a cell of the plane, and on_cell the share of its relays that are on.
 
 Only the parameters of the Duhem part enter nonlinearly. For each trial of these parameters, the masses follow from
-non-negative least squares. So the search has six unknowns (variable projection). In the derivatives of the search,
-masses that are zero stay zero.
+non-negative least squares. So the search has six unknowns (variable projection). The derivatives assume that masses
+that are zero stay zero.
 
 A plane with negative masses could imitate almost every Duhem model on a record. A plane without negative masses cannot,
 so the record determines θ.
@@ -25,7 +25,7 @@ from smadrive.hysteresis.duhem import duhem_branches, grid_logs
 from smadrive.identification.memory.plane_fit import PlaneProblem
 from smadrive.numerics.arrays import FloatArray
 
-_CELLS = 192  # table of a trial model
+_CELLS = 192  # of the table of a trial model
 _STEEPEST = 1e3  # rate of a trial model per input span, where its branches touch
 _TRIALS = 30
 _STEP = 1e-4
@@ -34,7 +34,7 @@ _LEAST_GAP, _NARROWEST, _WIDEST = 0.02, 0.003, 0.3  # of the input span
 
 
 class _Search:
-    """Residuals and derivatives over x = (bottom, θ, μ₊, μ₊ - μ₋, ln σ₊, ln σ₋).
+    """Residuals and their derivatives with respect to x = (bottom, θ, μ₊, μ₊ - μ₋, ln σ₊, ln σ₋).
 
     Inputs are measured in spans from the lower end of the range.
     """
@@ -78,7 +78,7 @@ class _Search:
 def duhem_part(
     problem: PlaneProblem, v: FloatArray, y: FloatArray, input_range: tuple[float, float], start: FloatArray
 ) -> FloatArray:
-    """Return the output of the Duhem part, for the two parts that explain the outputs `y` on the path `v` best.
+    """Fit both parts to the outputs `y` on the path `v`, and return the output of the Duhem part with the bottom.
 
     The result, `y` and `v` have the shape (samples,). The result and `y` are in output spans. `problem` is the fit of
     the plane for the same path. The search starts at `start` (4,): the means of the heating and the cooling branch,

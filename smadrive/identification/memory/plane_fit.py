@@ -5,8 +5,8 @@
 y_k is a mean of n_k samples of the output, and bottom the output with all relays off. on_k,cell is the share of the
 relays of a cell that are on, m the mass and A the area of a cell. λ is the weight of the prior. The second sum compares
 the densities m/A of two neighbouring cells: cells that no sample determines get the density of their neighbours. The
-problem is convex (non-negative least squares). It is reduced once to a triangular system, so that another output y on
-the same path costs little.
+problem is convex (non-negative least squares). It is reduced once to a triangular system, so that a fit to another
+output y on the same path is fast.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ _ITERATIONS = 30  # of the non-negative least squares, for each cell
 
 
 def grid_of(record: Record, thresholds: int) -> PlaneGrid:
-    """Return a grid with `thresholds` up-thresholds and as many down-thresholds for a plane that is fitted to `record`.
+    """Return the grid of a plane that is fitted to `record`, with at most `thresholds` thresholds on each axis.
 
-    The output of the record changes by equal amounts between two thresholds.
+    The thresholds divide the changes of the output into equal parts: those at rising input for the up-thresholds, those
+    at falling input for the down-thresholds. Thresholds that lie too close together are merged.
     """
     up, down = (_quantiles(record, thresholds, rising=rising) for rising in (True, False))
     return PlaneGrid(up, down, in_plane(up, down))
@@ -54,9 +55,10 @@ def _quantiles(record: Record, thresholds: int, *, rising: bool) -> FloatArray:
 class PlaneProblem:
     """The least-squares fit of the masses of a plane for one path, with the triangular factor of its QR decomposition.
 
-    `rows` (samples and pairs, cells and the bottom) is the matrix of the problem: first one row per sample, times its
-    weight, then one row per pair of neighbouring cells, which is the prior. `triangular` is its factor R. `weights`
-    (samples,) are the square roots of the number of samples in each mean.
+    rows         the matrix of the problem, (samples + pairs, cells + 1): first one row per sample, times its weight,
+                 then one row per pair of neighbouring cells (the prior); the last column belongs to the bottom
+    triangular   the factor R of the QR decomposition of `rows`
+    weights      square roots of the number of samples in each mean, (samples,)
     """
 
     rows: FloatArray
@@ -101,8 +103,8 @@ class PlaneProblem:
     def unexplained(self, changes: FloatArray, active: np.ndarray) -> FloatArray:
         """Return the part of `changes` of the output that no change of the `active` masses can explain.
 
-        `changes` has the shape (samples, unknowns), the mask `active` (cells,), and the result (samples + pairs,
-        unknowns).
+        `changes` has the shape (samples, unknowns), and the mask `active` has the shape (cells,). The result has the
+        shape (samples + pairs, unknowns).
         """
         rows, padded = self.rows[:, :-1][:, active], self._padded(changes)
         factor = np.asarray(np.linalg.qr(self.triangular[:-1, :-1][:, active], mode="r"))
@@ -110,7 +112,7 @@ class PlaneProblem:
         return np.asarray(padded - rows @ solve_triangular(factor, half))
 
     def _projected(self, output: FloatArray) -> FloatArray:
-        """Return Qᵀ times the weighted output, (cells and the bottom,). Q = rows R⁻¹ is never formed."""
+        """Return Qᵀ times the weighted output, (cells + 1,). Q = rows R⁻¹ is never formed."""
         along = self.rows[: len(output)].T @ (output * self.weights)
         return np.asarray(solve_triangular(self.triangular, along, trans="T"))
 

@@ -33,7 +33,7 @@ def misses_record(rms_percent: float) -> tuple[str, ...]:
 
 
 def bridges_gaps(model: HysteresisModel, record: Record) -> tuple[str, ...]:
-    """Return a caveat for each branch with a large step of the output between two neighbouring inputs of the record."""
+    """Return a caveat for each branch with a large step of the model's output between neighbouring recorded inputs."""
     found = []
     for name, rising in (("rising", True), ("falling", False)):
         reached = np.flatnonzero(record.rising == rising)

@@ -8,8 +8,8 @@ distance.)
 Where the output jumps between two samples, on steep and sparsely sampled parts of a loop, no fit can predict the values
 between them. The error of linear interpolation between the fitted neighbours measures how large this effect is.
 
-Hold-out finds rules that follow single samples. It does not show the error on another loop, because neighbouring
-samples of one record share the loop and the drift; that error needs another record.
+Hold-out reveals rules that follow single samples. It does not show the error on another loop, because neighbouring
+samples of one record share the loop and the drift. Only another record shows the error on another loop.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Identify(Protocol):
     """
 
     def __call__(self, v: FloatArray, y: FloatArray, *, dead_band: float) -> Fit[HysteresisModel]:
-        """See identify_tsfuzzy."""
+        """Fit a model to v and y, both (samples,), and return the model with its metrics."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ class HoldOut:
     def ratio(self) -> float:
         """Validation error over training error.
 
-        It is 1 if the fit is as good at the other samples as at the fitted samples.
+        It is 1 if the fit is as good at the samples between as at the fitted samples.
         """
         return self.validation_percent / self.training_percent
 

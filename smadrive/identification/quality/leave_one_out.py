@@ -5,13 +5,13 @@ the ties of the rules to the prior, and J_i is its row of sample i. Without samp
 
     r_i/(1 - h_i)          h_i = J_i (JᵀJ)⁻¹ J_iᵀ,   the leverage of sample i, in [0, 1]
 
-(Allen's PRESS). A leverage near 1 means that a rule follows this sample alone, so that its residual has no meaning.
-This happens with free rules on steep, sparsely sampled parts of a loop.
+(Allen's PRESS). A leverage near 1 means that a rule follows this sample alone. Then the residual of the sample has no
+meaning. This happens with free rules on steep, sparsely sampled parts of a loop.
 
-Noise and gaps both raise the error of a sample that the fit did not use. For a fit to every other sample (hold_out.py),
-the usual bound of this error is 1.2 times the training error: its variance is larger by 0.44. If a fit to every other
-sample also leaves out one of its own samples, the gap around this sample is twice as wide, and the excess of the
-variance at least doubles. So the bound here is (1 + 2 · 0.44)^½ = 1.37.
+Noise and gaps both raise the error at a sample that the fit did not use. In hold_out.py, which fits every other sample,
+the usual bound of this error is 1.2 times the training error: the variance may be larger by the share 0.44. The bound
+here must also hold for such a fit. If it leaves out one of its own samples, the gap around this sample is twice as wide
+as in hold_out.py, and the share at least doubles. So the bound here is (1 + 2 · 0.44)^½ = 1.37.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ def leave_one_out_ratio(residuals: FloatArray, jacobian: FloatArray, samples: in
     """Return the leave-one-out error divided by the training error, both RMS.
 
     `residuals` (rows,) and `jacobian` (rows, free variables) are taken at the minimum of a fit. The first `samples`
-    rows belong to the cells of the record, the other rows to the prior. A cell is the mean of neighbouring samples.
-    `scatter` is the sum of squares of the samples about these means, which no model can explain.
+    rows belong to the cells of the record, the other rows to the prior and to penalties. A cell is the mean of
+    neighbouring samples. `scatter` is the sum of squares of the samples about these means; no model can explain it.
     """
     error = residuals[:samples]
     left_out = error / np.maximum(1 - leverages(jacobian, samples), _LEAST_FREEDOM)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from smadrive.identification.record import Record
     from smadrive.numerics.arrays import FloatArray
 
-_EXPLAINED = 0.5  # least share of the output's variance that a dependence on the input explains
+_EXPLAINED = 0.5  # least share of the output's variance that a model must explain
 
 ModelT = TypeVar("ModelT", bound="HysteresisModel")
 
@@ -27,6 +27,7 @@ ModelT = TypeVar("ModelT", bound="HysteresisModel")
 class Fit(Generic[ModelT]):
     """An identified model and its metrics.
 
+    model        the identified model
     path         input of the record without false reversals, (samples,)
     predicted    output of the model on this path, (samples,), simulated from `y0`
     residual     predicted - measured output, (samples,), in the unit of y
@@ -50,7 +51,7 @@ class Fit(Generic[ModelT]):
 
     @property
     def max_percent(self) -> float:
-        """Largest residual, % of the output span."""
+        """Largest absolute residual, % of the output span."""
         return float(100 * np.max(np.abs(self.residual)) / self.output_span)
 
     def __repr__(self) -> str:

@@ -21,7 +21,7 @@ _RANK = 1e-12  # relative tolerance of the rank of the normal matrix, whose diag
 
 @dataclass(frozen=True, slots=True)
 class MixtureErrors:
-    """Standard errors of the Gaussians of a branch, one per component. Those of means and sigmas have the unit of v."""
+    """Standard errors of the Gaussians of a branch, one per Gaussian; for means and sigmas in the unit of v."""
 
     weights: tuple[float, ...]
     means: tuple[float, ...]
@@ -30,7 +30,7 @@ class MixtureErrors:
 
 @dataclass(frozen=True, slots=True)
 class DuhemErrors:
-    """Standard errors of a Duhem model; each field is named like the parameter of the model to which it belongs."""
+    """Standard errors of the parameters of a Duhem model, each under the name of its parameter."""
 
     heating: MixtureErrors
     cooling: MixtureErrors

@@ -1,4 +1,4 @@
-"""The fit of the resistance over temperature and displacement, and the columns of its least-squares problem.
+"""The fit of the resistance as a function of temperature and phase, and its least-squares problem.
 
 May import what identification may import. The identified resistance itself belongs to wire.
 """

@@ -1,8 +1,12 @@
-"""The linear problem of the resistance fit (fit.py), and its solution with penalty and contraction.
+"""The linear problem of the resistance fit (fit.py), and its solution with a penalty and a search for the contraction.
 
 For a given contraction e the resistance is linear in the parameters of f and g:
 
     minimise Σ I² (U/I - R)² + penalty · Σ (bends of g)² + (e - e_usual)² / σ_e² · σ_U²
+
+I and U are current and voltage, and R is the resistance of the model. f and g are the resistances of martensite and
+austenite. A bend is a second difference of g at its nodes. e_usual and σ_e are the contraction of usual wire and its
+standard deviation (`STRAIN`, `STRAIN_SPREAD`), σ_U is the noise of the voltage.
 """
 
 from __future__ import annotations
@@ -21,10 +25,16 @@ NODE_C = 4.0
 """Distance of the nodes of g, K. An R-phase changes the resistance within about 10 K."""
 
 BENDS = (3e-4, 1e-2)
-"""Expected second differences of g at its nodes, as shares of the resistance. An R-phase of 5 % needs 0.01."""
+"""Expected second differences of g at its nodes, as shares of the resistance. An R-phase of 5 % needs 0.01.
+
+One fit is made for each value, and the cross-validation chooses between them.
+"""
 
 STRAIN, STRAIN_SPREAD, MOST_STRAIN = 0.04, 0.01, 0.1
-"""Contraction of usual actuator wire over its stroke, its standard deviation, and the largest possible contraction."""
+"""Contraction of usual actuator wire over its stroke, its standard deviation, and the largest possible contraction.
+
+All three are shares of the length of the wire.
+"""
 
 
 class ResistanceSamples(NamedTuple):
@@ -39,10 +49,14 @@ class ResistanceSamples(NamedTuple):
 
 
 class ResistanceDesign(NamedTuple):
-    """The linear problem for any contraction: samples, nodes of g, their matrix (samples, nodes), and the penalty.
+    """The linear problem for any contraction.
 
-    `warmer_k` is the temperature above the reference temperature. `penalty` is (parameters, parameters), for bends of
-    1 Ω and a noise of 1 V.
+    samples    the samples of the fit
+    nodes      temperatures of the nodes of g, °C
+    spline     matrix that maps the values of g at the nodes to the samples, (samples, nodes)
+    warmer_k   temperature of the samples above the reference temperature, K
+    penalty    matrix of the sum of the squared bends of g, (parameters, parameters), for expected bends of 1 Ω and a
+               noise of 1 V
     """
 
     samples: ResistanceSamples
@@ -55,9 +69,12 @@ class ResistanceDesign(NamedTuple):
 class LinearFit(NamedTuple):
     """The solution of the linear problem for one contraction and one penalty.
 
-    `residual_v` is weighted with the current. `inverse` is the inverse of the normal matrix. `matrix` maps the
-    parameters to the resistances. `freedom` is the number of parameters that the penalty leaves free. `cost_v2` is the
-    sum of squares, including the term of the contraction.
+    parameters   of f: resistance (Ω) and slope (Ω/K); then the delay τ (s) and the values of g at its nodes (Ω)
+    residual_v   residuals of the resistance, times the current, V
+    inverse      inverse of the normal matrix
+    matrix       matrix that maps the parameters to the resistances of the samples
+    freedom      effective number of parameters that the penalty leaves free
+    cost_v2      sum of the squared residuals and of the terms of the bends and of the contraction, V²
     """
 
     parameters: Array
@@ -84,7 +101,7 @@ def resistance_design(samples: ResistanceSamples, reference_c: float) -> Resista
 
 
 def fitted(design: ResistanceDesign) -> tuple[float, LinearFit]:
-    """Return contraction and solution, with the penalty of the smallest cross-validation."""
+    """Return contraction and solution, for the penalty with the smallest criterion of cross-validation."""
     samples = design.samples
     noise_v = _coarse_noise_v(samples.ohm * samples.current_a)
     penalties = [(noise_v / (bend * float(np.median(samples.ohm)))) ** 2 for bend in BENDS]

@@ -2,17 +2,19 @@
 
     U/I = (1 - e ξ)² [(1 - ξ) f(T) + ξ g(T)] - τ dR/dt + noise / I
 
-The equation is linear in the parameters of f and g for a given contraction e (see wire/identified_resistance.py). So
-the fit is a weighted linear least-squares problem inside a search for e (variable projection; Golub and Pereyra, SIAM
-J. Numer. Anal. 10, 1973). The noise of U/I falls with the current, so the weight of a sample is its current. The nodes
-of g are as close as an R-phase needs. Penalties on the bends of g draw g to a straight line.
+U and I are voltage and current, T is the temperature and ξ the phase, f and g are the resistances of martensite and
+austenite, e is the contraction, R the resistance and τ a delay (see wire/identified_resistance.py). The equation is
+linear in the parameters of f and g for a given e. So the fit is a weighted linear least-squares problem inside a search
+for e (variable projection; Golub and Pereyra, SIAM J. Numer. Anal. 10, 1973). The noise of U/I is inversely
+proportional to the current, so the weight of a sample is its current. The nodes of g are as close as an R-phase needs.
+Penalties on the bends of g draw g to a straight line.
 
-The contraction has a small effect, so the fit ties it to that of usual actuator wire. The weight of the penalties on
-the bends is chosen by generalised cross-validation (Golub, Heath and Wahba, Technometrics 21, 1979): a wire without an
-R-phase gets an almost straight g, which has a smaller standard error.
+The contraction has a small effect, so the fit ties it to the contraction of usual actuator wire. The weight of the
+penalties on the bends is chosen by generalised cross-validation (Golub, Heath and Wahba, Technometrics 21, 1979): a
+wire without an R-phase gets an almost straight g, which has a smaller standard error.
 
-U/I may be older than the readings of the sensors by a delay τ. The first fit gives dR/dt, and the second one has the
-further parameter τ, with the column -dR/dt.
+U/I may be older than the readings of the sensors by a delay τ. The first fit has no τ and gives dR/dt. The second fit
+has τ as a further parameter, with the column -dR/dt.
 
 The fit uses the temperature of the wire, not the reading of the thermocouple, and the measured displacement.
 """
@@ -39,22 +41,25 @@ from smadrive.wire.wire_model import WireModel
 Array = NDArray[np.float64]
 
 FIT = "resistance fit"
-"""The part `where` of the errors in this file."""
+"""The attribute `where` of the errors that this file raises."""
 
 RATE_SAMPLES = 3
-"""The rate of the resistance is a difference over this number of samples, on each side."""
+"""The rate of the resistance at a sample is a difference over this number of samples before and after this sample."""
 
 MIN_CURRENT_FRACTION, MIN_SAMPLES = 0.1, 200
-"""Only samples with more than this fraction of the largest current are used, and at least this number is needed."""
+"""Only samples with more than this fraction of the largest current are used; at least MIN_SAMPLES are needed."""
 
 OUTLIER = 5.0
-"""Samples with a larger residual, in standard deviations, are left out: the current changed while it was measured."""
+"""Samples whose residual exceeds this number of standard deviations are left out.
+
+Their current changed during the measurement.
+"""
 
 LEAST_CHANGE = 10.0
 """The change of the resistance over the stroke must be at least this number of standard errors."""
 
 MOST_NOISE = 0.2
-"""Largest noise of the displacement from one sample, as a share of the stroke."""
+"""Largest noise of the displacement that the resistance of one sample gives, as a share of the stroke."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +87,8 @@ class ResistanceFit:
 def identify_resistance(record: ExcitationRecord, temperature_c: Array, wire: WireModel) -> ResistanceFit:
     """Fit the resistance to a record whose wire had the temperatures `temperature_c`, °C.
 
-    `wire` gives the travel. IdentificationError for a record without current or voltage, and for a wire whose
-    resistance hardly changes with the displacement.
+    `wire` gives the travel. IdentificationError for a record without current or voltage, for fewer than `MIN_SAMPLES`
+    samples with current, and for a wire whose resistance hardly changes with the displacement.
     """
     samples = _samples(record, temperature_c, wire)
     reference_c = float(np.mean(samples.temperature_c))

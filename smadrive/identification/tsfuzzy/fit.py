@@ -1,10 +1,10 @@
 """Identification of a T-S fuzzy Duhem model by its simulated output.
 
 The unknowns are two rates p, q ≥ 0 of every rule (see sensitivity.py), the centres of the sets, scale, offset and first
-state. A major loop alone does not determine both consequents a and b of a rule, and a fit of free rules then finds
-rules with which two states move apart. Here every trial model contracts and is bounded by construction. The slopes of
-its branches have the right sign over the whole range (see monotone.py), unless the wire itself reverses (see
-record_reversal.py).
+state. A major loop alone does not determine both consequents a and b of a rule. A fit without further conditions then
+finds rules with which two states at the same input move apart. Here every trial model contracts and is bounded by
+construction. The slopes of the branches of the result have the right sign over the whole range (see monotone.py),
+except where the wire itself reverses (see record_reversal.py).
 
 Where the record has no samples, the rules stay near the local laws of a Duhem fit. A tie pulls each rule towards the
 Duhem fit with the weight of about one measured sample. The tie becomes tighter if leave-one-out shows that the rules
@@ -109,7 +109,7 @@ class _Solution:
         return self.problem.model(self.x)
 
     def trimmed(self, depth: float) -> tuple[TSFuzzyDuhem, float]:
-        """Return the model whose slopes have the right sign to this `depth` of the loop, and its misfit."""
+        """Return the trimmed model, whose slopes have the right sign to this `depth` of the loop, and its misfit."""
         if depth not in self._trimmed:
             model = monotone(self._model, depth, self.problem.reversals)
             self._trimmed[depth] = model, self.problem.record.misfit(model, self.y0)
@@ -119,7 +119,7 @@ class _Solution:
     def deepest(self) -> tuple[TSFuzzyDuhem, float]:
         """The trimmed model and its misfit, at the greatest depth at which the misfit hardly rises.
 
-        It may rise by at most the factor `_AS_GOOD`. If no depth fulfils this, the depth is 0.
+        The misfit may rise by at most the factor `_AS_GOOD`. If no depth fulfils this, the depth is 0.
         """
         *depths, last = [depth for depth in _DEPTHS if depth <= self.problem.depth]
         bearable = _AS_GOOD * self.misfit
@@ -127,7 +127,7 @@ class _Solution:
 
 
 def _polished(start: _Solution) -> _Solution:
-    """Return the solution whose slopes have the right sign to the greatest depth at which the misfit stays small."""
+    """Return the solution with a penalty on wrong slopes to the greatest depth at which the misfit stays small."""
     bearable, solution = float(np.hypot(start.misfit, MATERIAL)), start
     for depth in _DEPTHS:
         solution = start.again(replace(start.problem, monotony=1.0, depth=depth))
@@ -139,8 +139,8 @@ def _polished(start: _Solution) -> _Solution:
 def _validated(solution: _Solution) -> _Solution:
     """Return the solution with the loosest tie to the Duhem fit that passes leave-one-out and has a small misfit.
 
-    If none of the solutions with a small misfit passes, return the one of them with the smallest ratio of leave-one-out
-    error to training error.
+    If no solution with a small misfit passes, return the solution with the smallest ratio of leave-one-out error to
+    training error among those with a small misfit.
     """
     bearable, tried = float(np.hypot(solution.misfit, MATERIAL)), []
     for tied in takewhile(lambda one: one.misfit <= bearable, _ever_tighter(solution)):
@@ -160,9 +160,10 @@ def _ever_tighter(solution: _Solution) -> Iterator[_Solution]:
 
 
 def _monotone(solution: _Solution) -> _Solution:
-    """Return the solution with the smallest weight of wrong slopes whose trimmed model still has a small misfit.
+    """Return the solution with the smallest penalty on wrong slopes whose trimmed model still has a small misfit.
 
-    If larger weights themselves make the misfit large, return the solution whose trimmed model has the smallest misfit.
+    If larger penalties themselves make the misfit large, return the solution with the smallest misfit of its trimmed
+    model.
     """
     as_good, tried = _AS_GOOD * solution.misfit, []
     for weighted in _ever_heavier(solution):
@@ -176,7 +177,7 @@ def _monotone(solution: _Solution) -> _Solution:
 
 
 def _ever_heavier(solution: _Solution) -> Iterator[_Solution]:
-    """Yield the solution, then solutions with larger and larger weights of slopes of the wrong sign."""
+    """Yield the solution, then solutions with larger and larger penalties on slopes of the wrong sign."""
     yield solution
     for weight in (*_HEAVIER, *_HEAVIEST):
         solution = solution.again(replace(solution.problem, monotony=weight))
@@ -206,8 +207,8 @@ def _plainest_duhem(record: Record) -> Fit[DuhemModel]:
 def _placements(record: Record, sets: int | Sequence[float], *, fit_centres: bool) -> list[FloatArray]:
     """Return the centres from which the fits start, one array per fit.
 
-    These are the given centres, or evenly spaced centres if the centres are fixed. Centres that may move start where
-    the output changes most.
+    Given centres are returned as they are. If `sets` is a number, fixed centres are evenly spaced, and centres that may
+    move lie closer together where the output changes most.
     """
     lower, upper = record.input_range
     if sets is not None and not np.isscalar(sets):

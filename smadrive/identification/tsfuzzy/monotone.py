@@ -1,15 +1,15 @@
 """Slopes of the right sign, which a unique inverse needs: their derivatives, and the correction of a fitted model.
 
-The state w has two rates p, q ≥ 0 (see sensitivity.py): dw/dv = p(v)(1 - w) - q(v) w on heating, and minus this on
-cooling. H is the heating branch of the major loop, C its cooling branch. The slope is affine in w. So it has the right
-sign everywhere between the branches if it has the right sign on the opposite branch:
+The state w has two rates p, q ≥ 0 in each direction (see sensitivity.py): dw/dv = p(v)(1 - w) - q(v) w on heating, and
+dw/dv = q(v) w - p(v)(1 - w) on cooling. H is the heating branch of the major loop, C its cooling branch. The slope is
+affine in w. So it has the right sign everywhere between the branches if it has the right sign on the opposite branch:
 
     heating:  p(v) - (p(v) + q(v)) C(v) ≥ 0           cooling:  q(v) - (p(v) + q(v)) (1 - H(v)) ≥ 0
 
 The loop is the closed loop over the whole range, even if the record does not cover this range; a full sweep up and down
-ends where it began. A wire whose inner loops stay flat after a reversal cannot fulfil this condition. Then it is
-required only up to a `depth` of the loop: 1 means the whole loop, 0 only the branches. H + depth (C - H) replaces C,
-and C - depth (C - H) replaces H.
+ends where it began. A wire whose inner loops stay flat after a reversal cannot fulfil this condition. Then the
+condition is required only up to a `depth` of the loop: 1 means the whole loop, 0 only the branches. In the condition,
+H + depth (C - H) replaces C, and C - depth (C - H) replaces H.
 
 The fit penalises slopes of the wrong sign. `monotone` removes the remaining wrong slopes from the result of the fit: it
 makes q of the heating rules and p of the cooling rules smaller.
@@ -35,7 +35,7 @@ class Loop(NamedTuple):
 
     heating, cooling         the state on both branches, (nodes,)
     crossed                  True at nodes where the heating branch is above the cooling branch, (nodes,)
-    rise_decay, fall_decay   share of a deviation at the start of a sweep up or down that is left at the nodes, (nodes,)
+    rise_decay, fall_decay   share that is left of an error of the state at the start of a sweep up or down, (nodes,)
     bottom, top              the states at the lower and at the upper end of the range
     """
 
@@ -112,7 +112,7 @@ def least_slope_derivatives(tables: RuleTables, depth: float) -> FloatArray:
 
 
 def _branch_derivatives(tables: RuleTables, loop: Loop) -> tuple[FloatArray, FloatArray]:
-    """Return ∂H and ∂C at the nodes.
+    """Return the derivatives of H and C with respect to the rates and centres, both (nodes, 5 · sets).
 
     They follow from the derivatives of the tabulated solutions and of the states at the ends of the range.
     """
@@ -157,9 +157,10 @@ def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals
 def _largest_share(mu: FloatArray, gain: FloatArray, loss: FloatArray, far: FloatArray, turns: Mask) -> FloatArray:
     """Return the largest share of each rule's `loss` with which gain (1 - far) - loss far ≥ 0 at all nodes of the rule.
 
-    `far` is the farthest state towards the opposite branch: w for heating rules, 1 - w for cooling rules. `turns` is
-    True where the wire itself reverses. Only rules that have the wrong sign themselves get a share below 1, so that
-    they change before their neighbours.
+    `gain` and `loss` are p and q of the heating rules, or q and p of the cooling rules. `far` is the farthest state
+    towards the opposite branch: w for heating rules, 1 - w for cooling rules. `turns` is True where the wire itself
+    reverses. Only rules that have the wrong sign themselves get a share below 1, so that they change before their
+    neighbours.
     """
     room, need = (mu @ gain) * (1 - far), (mu @ loss) * far
     short = need > room

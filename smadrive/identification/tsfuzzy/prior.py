@@ -1,7 +1,7 @@
 """The prior of the rules: the local laws of a Duhem fit. It determines the rules where the record has no samples.
 
-A rule that differs from the prior costs about as much as one sample whose error is the noise. So the samples decide
-wherever the record has samples.
+A tie pulls each rate of a rule towards the prior with the weight of about one sample. So the samples decide wherever
+the record has samples.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ _LARGEST_PRIOR = 200.0  # largest rate per input span
 _CELLS = 400
 _STRAY, _STRAY_LEAST = 0.3, 0.5  # rates may differ from the Duhem fit by a share of p + q plus a rate per input span
 _SLOPE_TIE = 3e-4  # tie of slopes to the right sign on a record without noise, in output spans
-_SATURATED = 0.02  # w (1 - w), relative to its largest, at which this tie is tightest
+_SATURATED = 0.02  # the tie of slopes tightens with saturation until 4 w (1 - w) is about this value
 _TIE_MISFIT = 0.2  # this share of the misfit of the Duhem fit counts like noise
 _TIE_FLOOR = 2e-6  # tie to the Duhem fit for a record without noise, in output spans
 
 
 class Prior:
-    """The rates of a Duhem fit, tabulated over the input v: the rules stay near them where samples are missing.
+    """The rates of a Duhem fit, tabulated over the input v. The rules stay near these rates where samples are missing.
 
     There are four rates, all in 1/(input span): p (towards w = 1) and q (towards w = 0) of heating, then of cooling.
-    `weight` is the weight of the tie between the rules and these rates.
+    `weight` is the weight of the tie between the rules and these rates, in output spans: the noise of the record, or a
+    fifth of the RMS error of the Duhem fit if that is larger.
     """
 
     def __init__(self, fit: Fit[DuhemModel], record: Record) -> None:
@@ -59,9 +60,10 @@ class Prior:
         return _interpolate(centres, self.grid, self.rates), _interpolate(centres, self.grid, self._slopes)
 
     def reach(self, centres: FloatArray) -> FloatArray:
-        """Return the difference from these rates that costs as much as one sample whose error is the noise.
+        """Return the unit of the tie, in 1/(input span), one for each of the four rates at each centre, (4 · sets,).
 
-        The result has the shape (4 · sets,): one difference for each rate of each rule with these `centres`.
+        A rule's rate that differs from the prior by this unit adds a residual of `weight`, as one sample with an error
+        of `weight` output spans does.
         """
         pairs = _interpolate(centres, self.grid, self.rates).reshape(2, 2, -1)
         return np.ravel(np.repeat(_STRAY * pairs.sum(axis=1) + _STRAY_LEAST, 2, axis=0))
@@ -69,9 +71,9 @@ class Prior:
     def slope_tie(self, v: FloatArray) -> FloatArray:
         """Return the weights with which the fit penalises slopes of the wrong sign at the inputs v, shape (2, len(v)).
 
-        The first row belongs to heating, the second row to cooling. The weights equal the weights of the rates, but are
-        larger near saturation. There the state hardly moves, so a slope of the wrong sign hardly changes the misfit,
-        but it can stop an inverse.
+        The first row belongs to heating, the second row to cooling. RuleProblem multiplies these weights by `monotony`
+        and by the root of the number of samples. The weights rise near saturation: the state hardly moves there, so a
+        slope of the wrong sign hardly changes the misfit, but it can prevent an inverse.
         """
         pairs = _interpolate(v, self.grid, self.rates).reshape(2, 2, -1)
         far = np.array([self.model.cooling.cdf(v), self.model.heating.cdf(v)])

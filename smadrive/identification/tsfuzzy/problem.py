@@ -27,11 +27,11 @@ from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.interpolation_matrix import InterpolationMatrix
 from smadrive.numerics.levenberg_marquardt import Minimum, minimise
 
-LEAST_GAP = 0.01  # of the input span, between centres
-_LEAST_RATE = 1e-3  # contraction per input span that every rule keeps
+LEAST_GAP = 0.01  # least distance of two centres, as a share of the input span
+_LEAST_RATE = 1e-3  # rate per input span that keeps every rule contracting
 _LARGEST_RATE = 300.0
 _SPARE_OUTPUT = 0.05  # share of the span by which bottom and top of a model may exceed the known outputs
-_STRAY_GAP = 3.0  # how far the logits of the gaps may differ from their start, in units of the tie
+_STRAY_GAP = 3.0  # unit of the tie between the logits of the gaps and their start (see Prior.reach)
 
 
 class _Trial(NamedTuple):
@@ -52,7 +52,7 @@ class RuleProblem:
     """The bounded least-squares problem of the rules of a T-S fuzzy Duhem model, for one record.
 
     `start` is the vector of the unknowns with which the search begins. `monotony` scales the penalty for slopes of the
-    wrong sign; 0 allows them. The penalty acts from each branch to the share `depth` of the way to the other.
+    wrong sign; 0 allows them. The penalty acts from a branch to the share `depth` of the way to the opposite one.
     """
 
     record: Record
@@ -69,7 +69,7 @@ class RuleProblem:
 
     @classmethod
     def near(cls, record: Record, prior: Prior, centres: FloatArray, fit_centres: bool) -> RuleProblem:
-        """Return the problem that starts from the rates of the Duhem fit in `prior`, at `centres`."""
+        """Return the problem whose search starts at the rates of the Duhem fit in `prior`, taken at `centres`."""
         model, (lower, upper) = prior.model, record.input_range
         first = np.clip((record.mean_y[0] - model.offset) / model.scale, 0.0, 1.0)
         tail = [model.offset / record.output_span, (model.offset + model.scale) / record.output_span, float(first)]
@@ -96,7 +96,7 @@ class RuleProblem:
         """Return the centres of the sets (sets,) for the unknowns x, and their derivatives (sets, gaps).
 
         The derivatives are taken with respect to the logits of the gaps: x holds one logit for each gap between two
-        centres or at an end of the range, and their softmax gives the gaps. Fixed centres have no gaps.
+        centres or at an end of the range, and their softmax gives the gaps. If the centres are fixed, `gaps` is 0.
         """
         unknowns = self.unknowns
         if not self.fit_centres:
@@ -129,7 +129,7 @@ class RuleProblem:
         """Return the residuals of the unknowns x, (rows,).
 
         The first rows are the errors of the output at the cells of the record. The next rows are the differences of the
-        rates from the Duhem fit and of the gaps from their start. The last rows are the slopes of the wrong sign.
+        rates from the Duhem fit, then of the gaps from their start. The last rows are the slopes of the wrong sign.
         """
         record, unknowns = self.record, self.unknowns
         _, _, tables, w = self._trial(x)
@@ -156,9 +156,9 @@ class RuleProblem:
         return leave_one_out_ratio(self.residuals(x), jacobian, len(self.record.v), self.record.scatter)
 
     def _wrong_slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the negated smallest slopes per input span at the nodes, and their weights, both of shape (2, nodes).
+        """Return minus the smallest slopes at the nodes, in 1/(input span), and their weights, both (2, nodes).
 
-        The weight of a slope of the right sign is 0.
+        The weight is 0 for a slope of the right sign, and where the output of the record itself reverses.
         """
         tables, (lower, upper) = self._trial(x).tables, self.record.input_range
         missing = -least_slopes(tables, self.depth) * (upper - lower)
@@ -224,7 +224,7 @@ class RuleProblem:
         return low, high
 
     def _output_bounds(self) -> tuple[list[float], list[float]]:
-        """Return the bounds of bottom, top and first state. Outputs stay near the record and the Duhem fit."""
+        """Return the bounds of bottom, top and first state. Bottom and top stay near the record and the Duhem fit."""
         ends = np.sort(self.start[[BOTTOM, TOP]])
         measured = self.record.mean_y / self.record.output_span
         lowest, highest = min(ends[0], measured.min()), max(ends[1], measured.max())
@@ -245,6 +245,6 @@ class RuleProblem:
 
 
 def _gap_logits(centres: FloatArray, lower: float, upper: float) -> FloatArray:
-    """Return the softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper. Gaps below 1.1 `LEAST_GAP` are raised."""
+    """Return the softmax logits of the gaps from `lower` over all centres to `upper`; least gap 1.1 `LEAST_GAP`."""
     gaps = np.diff(np.concatenate([[lower], centres, [upper]])) / (upper - lower)
     return np.log(np.maximum(gaps - LEAST_GAP, 0.1 * LEAST_GAP))

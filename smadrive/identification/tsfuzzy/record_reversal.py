@@ -54,7 +54,7 @@ NOWHERE = RecordReversals()
 def find_record_reversals(record: Record) -> RecordReversals:
     """Return the ranges of the input in which the output of `record` reverses although the input does not.
 
-    The result is empty (NOWHERE) if noise explains these reversals.
+    The result is empty (NOWHERE) if measurement errors explain these reversals.
     """
     rises = bool(np.corrcoef(record.v, record.mean_y)[0, 1] > 0)
     material = float(np.hypot(MATERIAL, record.noise))

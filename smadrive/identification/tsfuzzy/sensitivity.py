@@ -6,13 +6,13 @@ Rules with triangular sets are described by two non-negative rates, p towards w 
 
 v is the input, w the state, and μ_i the membership of the set i with the centre c_i. The model contracts if p + q > 0,
 and it is bounded because the rates are not negative. Let θ be a rate or a centre. The derivative z = ∂w/∂θ obeys the
-same linear ODE as w, with the drive f = ∂(dw/dv)/∂θ. The centre c_i
-of a set moves the piecewise linear p(v) by
+same linear ODE as w, with the drive f = ∂(dw/dv)/∂θ. A move of the centre c_i changes the piecewise linear p(v):
 
     ∂p/∂c_i = -p'(v) μ_i(v)
 
-The closed form of the state is w = P + (w0 - P0) exp(Λ - Λ0), see hysteresis/branch/engine.py. So the derivatives at
-all samples follow from tables of ∂P and ∂Λ, which are computed once per iteration.
+The closed form of the state is w = P + (w0 - P0) exp(Λ - Λ0), see hysteresis/branch/engine.py. P is a particular
+solution and Λ the integral of a; w0, P0 and Λ0 are the values at the start of a section. So the derivatives at all
+samples follow from tables of ∂P and ∂Λ, which are computed once per iteration.
 """
 
 from __future__ import annotations
@@ -84,8 +84,8 @@ class Runs:
 class Sensitivity:
     """The derivatives of one branch with respect to the rules, at the nodes; both fields are (nodes, 5 · sets).
 
-    The law of the branch is dw/dv = a w + b. `target` belongs to its tabulated particular solution, `exponent` to the
-    integral of a. The columns have the order of the fields of RuleRates.
+    The law of the branch is dw/dv = a w + b. `target` holds the derivatives of the tabulated particular solution,
+    `exponent` those of the integral of a. The columns have the order of the fields of RuleRates.
     """
 
     target: FloatArray
@@ -126,7 +126,7 @@ class RuleTables:
 
     @property
     def rates_at_nodes(self) -> list[FloatArray]:
-        """The rates p, q of heating and p, q of cooling at the nodes, blended from all rules: four times (nodes,)."""
+        """The rates p, q of heating and p, q of cooling at the nodes, blended from all rules: four arrays (nodes,)."""
         return [self.at_nodes @ rate for rate in self.rates[:4]]
 
     @property
@@ -188,7 +188,7 @@ class RuleTables:
         return Sensitivity(target, exponent)
 
     def _slopes(self, rate: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the derivative of the blended `rate` with respect to v; it is zero on the shoulders."""
+        """Return the derivative of the blended `rate` with respect to v; it is zero outside all centres."""
         slopes = np.concatenate([[0.0], np.diff(rate) / np.diff(self.rates.centres), [0.0]])
         return np.asarray(slopes[np.searchsorted(self.rates.centres, v)])
 
