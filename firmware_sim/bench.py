@@ -41,7 +41,7 @@ from smadrive.errors import ConfigError
 TICK_S = 0.01
 FIRMWARE_VERSION = 100
 SERIAL_NUMBERS = range(1 << 31, (1 << 32) - 1)
-"""Random serial numbers of simulated devices. Vendors use low numbers; the highest number means "no number"."""
+"""Random serial numbers of simulated devices. Vendors use lower numbers; 0xFFFFFFFF means "no serial number"."""
 
 
 class SimulatedBench:

@@ -56,7 +56,7 @@ class CoreBoard:
         return self._outputs
 
     def poll(self, now_ms: int) -> None:
-        """Tell the core that the main loop runs. Without this call for 100 ms the core reports a stalled main loop."""
+        """Tell the core that the main loop runs. `tick` sets the fault `self_test` after 100 ms without this call."""
         self._library.board_poll(self._board, now_ms)
 
     def registers(self, now_ms: int) -> list[int]:
