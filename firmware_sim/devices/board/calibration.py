@@ -2,8 +2,8 @@
 
     measured = reading · gain / 16384 + offset        output of the source = set current · gain / 16384 + offset
 
-All values are counts. Results are rounded down and kept within 0 to 65535. The record holds the six constants and a
-checksum over them.
+All values are counts. Results are rounded down and kept within 0 to 65535. A set current of 0 always gives an output of
+0. The record holds the six constants and a checksum over them.
 """
 
 from __future__ import annotations
