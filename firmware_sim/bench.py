@@ -93,9 +93,9 @@ class SimulatedBench:
         return DeviceParts(firmware, Responder(bank, firmware, profile.timing))
 
     def _tclab_supply_v(self) -> float:
-        """Return a supply voltage in V. At full duty it drives the current limit through the cold wire.
+        """Return the supply voltage in V with which Q1 = 100 % drives the current limit through the cold wire.
 
-        The duty is full when Q1 is 100 %, and P1 has its value at power-up.
+        The pulse width P1 then has its value at power-up.
         """
         limit_v = self.config.board.supply_limit_a * self.config.wire.resistance_cold_ohm
         return limit_v / sqrt(PULSE_FACTORY["P1"] / PULSE_MAX)

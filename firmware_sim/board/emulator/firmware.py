@@ -71,9 +71,9 @@ class EmulatedFirmware:
         self._note_changes()
 
     def tick(self, dt_s: float) -> None:
-        """Run until the simulation time plus `dt_s`. A board that is already further executes nothing.
+        """Move the simulation by `dt_s`, and run the board until the same time.
 
-        The board is further than the simulation after it has answered a request.
+        After a request the board may already be ahead of this time. Then it executes nothing.
         """
         self._time_s += dt_s
         self._show()
