@@ -8,9 +8,10 @@
 
 The caller moves time: `advance_to` runs the bench in ticks of 10 ms. The same config, seed and calls give the same
 results, to the last bit, at any speed. Only the serial number of a device is random at every start, unless the config
-gives one. So a driver can distinguish a simulated device from other devices. A fault is a method of `device`, of
-`device.faults` (faults of the bus), of `sensors.faults`, of `sensors.bead`, of `plant.faults` (heater circuit), of
-`plant.surroundings`, of `plant.load` or of `plant.ageing`.
+gives one. The driver distinguishes devices by their serial numbers.
+
+A fault is a method of one of these objects: `device`, `device.faults` (faults of the bus), `sensors.faults`,
+`sensors.bead`, `plant.faults` (heater circuit), `plant.surroundings`, `plant.load` and `plant.ageing`.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from smadrive.errors import ConfigError
 TICK_S = 0.01
 FIRMWARE_VERSION = 100
 SERIAL_NUMBERS = range(1 << 31, (1 << 32) - 1)
-"""Random serial numbers of simulated devices. Vendors use low numbers; the highest number means "no number"."""
+"""Random serial numbers of simulated devices. Vendors use lower numbers; 0xFFFFFFFF means "no serial number"."""
 
 
 class SimulatedBench:
@@ -92,7 +93,10 @@ class SimulatedBench:
         return DeviceParts(firmware, Responder(bank, firmware, profile.timing))
 
     def _tclab_supply_v(self) -> float:
-        """Return the voltage that drives the current limit through the cold wire at the default pulse width."""
+        """Return the supply voltage in V with which Q1 = 100 % drives the current limit through the cold wire.
+
+        The pulse width P1 then has its value at power-up.
+        """
         limit_v = self.config.board.supply_limit_a * self.config.wire.resistance_cold_ohm
         return limit_v / sqrt(PULSE_FACTORY["P1"] / PULSE_MAX)
 
@@ -132,7 +136,10 @@ class SimulatedBench:
             self._tick(min(TICK_S, remaining_s))
 
     def follow_script(self, script: FaultScript) -> None:
-        """Apply the faults of `script` from now on. ConfigError for a fault that this bench does not have."""
+        """Apply the faults of `script` from now on.
+
+        ConfigError for a fault that this bench does not have, and for a wrong parameter of a fault.
+        """
         self._timeline = Timeline(scheduled(script, self.known_faults()), self.log_event)
         self._timeline.advance_to(self.time_s)
         if script.random is not None:
@@ -140,9 +147,9 @@ class SimulatedBench:
                 RandomBusFaults(device.faults, device.power_cycle, seed=self.seed, **script.random.model_dump())
 
     def known_faults(self) -> dict[str, Callable[..., None]]:
-        """Return every fault that a script can name: name to method.
+        """Return the methods that a fault script can call, by name.
 
-        The names of a device's faults begin with the name of the device and a dot, if the device has a name.
+        For a device with a name, the names of the faults begin with the name of the device and a dot.
         """
         faults = self.sensors.faults.by_name() | self.sensors.bead.by_name() | self.plant.faults_by_name()
         for device in self.devices:

@@ -1,4 +1,4 @@
-"""firmware-sim: a simulated device with a wire on it, on a serial port or a TCP port."""
+"""The command firmware-sim: simulated devices on one wire, served on serial ports or TCP ports."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Time(StrEnum):
 
     REAL = "real"
     LOCKSTEP = "lockstep"
-    DRIVEN = "driven"  # lockstep, as version 0.1 called it
+    DRIVEN = "driven"  # the name of lockstep in version 0.1
 
 
 class BoardKind(StrEnum):
@@ -55,7 +55,7 @@ def serve(
         Path | None, typer.Option(help="Serve a recorded bus instead of a SIM.toml.", metavar="TRACE")
     ] = None,
     pty: Annotated[
-        Path | None, typer.Option(help="Path of a symbolic link to the pseudo-terminal.", metavar="PATH")
+        Path | None, typer.Option(help="Serve on a pseudo-terminal, and make a link to it at PATH.", metavar="PATH")
     ] = None,
     tcp: Annotated[
         str | None,
@@ -68,11 +68,15 @@ def serve(
         typer.Option(help="Serve RTU frames on TCP at this address, as a gateway does.", metavar="HOST:PORT"),
     ] = None,
     line_speed: Annotated[
-        bool, typer.Option("--line-speed", help="Send and receive characters no faster than the baud rate.")
+        bool, typer.Option("--line-speed", help="Delay replies as a serial line of the device's baud rate does.")
     ] = False,
     profile: Annotated[
         str | None,
-        typer.Option(help=f"Register map, a shipped name or a path. The default is {REFERENCE}.", metavar="PROFILE"),
+        typer.Option(
+            help="Register map: a shipped name or a path. Only for a SIM.toml without [[devices]]. "
+            f"The default is {REFERENCE}.",
+            metavar="PROFILE",
+        ),
     ] = None,
     time: Annotated[
         Time,
@@ -85,7 +89,7 @@ def serve(
         BoardKind | None,
         typer.Option(
             help="Firmware of the board: python, native (the C core), or atmega328p (the program of an emulated "
-            "microcontroller). The default is that of the SIM.toml."
+            "microcontroller). Without this option the SIM.toml decides."
         ),
     ] = None,
     faults: Annotated[
@@ -98,7 +102,7 @@ def serve(
         Path | None, typer.Option(help="Write event lines to this file instead of standard error.", metavar="FILE")
     ] = None,
 ) -> None:
-    """Serve simulated devices on serial or TCP ports, and print their URLs, one per line."""
+    """Serve simulated devices on serial or TCP ports, and print the URL of each port on a line."""
     try:
         with _event_log(log) as file, ExitStack() as stack:
             log_line = _line_writer(file)
@@ -203,12 +207,12 @@ def _run(server: Server, addresses: Sequence[str], time: Time) -> None:
 
 
 def _print_addresses(addresses: Sequence[str]) -> None:
-    """Print the addresses to standard output. ConfigError when that fails, because the addresses are needed."""
+    """Print the addresses to standard output. ConfigError when that fails: without them no client can connect."""
     try:
         for address in addresses:
             typer.echo(address)
     except OSError as error:
-        sys.stdout = None  # so that the interpreter does not try again at its end
+        sys.stdout = None  # otherwise the interpreter tries to write again when it ends
         raise ConfigError(
             "cannot be written", where="standard output", value=error.strerror, cure="redirect it to another place"
         ) from None

@@ -38,7 +38,12 @@ class Wire(Section):
 
 
 class RPhase(Section):
-    """The R-phase on cooling: the rise of the austenite's resistivity as a fraction, and where it forms, °C."""
+    """The R-phase, which forms from austenite on cooling.
+
+    rise       relative increase of the resistivity when austenite becomes R-phase
+    centre_c   temperature at which half of the austenite is R-phase, °C
+    sigma_c    width of the transition (standard deviation of a Gaussian), °C
+    """
 
     rise: float = Field(gt=0, le=0.5)
     centre_c: float
@@ -46,10 +51,10 @@ class RPhase(Section):
 
 
 class Resistance(Section):
-    """Effects on the resistance of the wire besides its austenite fraction; see physics/resistance.py.
+    """The effects of temperature, strain and R-phase on the resistance of the wire; see physics/resistance.py.
 
     `martensite_per_k` and `austenite_per_k` are temperature coefficients at the ambient temperature. `strain` is the
-    strain of the cold wire, whose geometry changes the resistance.
+    strain of the cold wire as a fraction: a longer and thinner wire has a larger resistance.
     """
 
     martensite_per_k: float = Field(default=0.0, ge=-0.01, le=0.01)
@@ -100,7 +105,7 @@ class Transformation(Branches):
 
 
 class Bias(Section):
-    """The load that stretches the wire again: a dead weight, or a spring that the wire stretches when it contracts.
+    """The load that stretches the cooling wire: a dead weight, or a spring that the contracting wire stretches.
 
     Stress = (preload + stiffness · displacement) / cross section. With a bias, `[transformation]` holds the
     temperatures of the unloaded wire. The stress raises the temperatures of the heating branch by 1 K per
@@ -137,9 +142,9 @@ class Displacement(Section):
 class Sense(Section):
     """The measurement of heater voltage and current by the device that heats.
 
-    Readings are multiples of the quanta, the resolution of the converters; 0 stands for a fine resolution. The device
-    measures the voltage at its terminals (two-wire sensing), so `lead_ohm`, the resistance of leads and contacts, adds
-    to that of the wire.
+    A quantum is the resolution of a converter: readings are rounded to multiples of it, and not rounded if it is 0. The
+    device measures the voltage at its own terminals (two-wire sensing), so the measured resistance includes `lead_ohm`,
+    the resistance of leads and contacts.
     """
 
     current_noise_a: float = Field(ge=0)
@@ -150,7 +155,7 @@ class Sense(Section):
 
 
 class Board(Section):
-    """Power-up defaults and hardware limits of the board. Without `serial_number` each start has a random number.
+    """Power-up defaults and hardware limits of the board. Without `serial_number` each start picks a random number.
 
     `implementation` is the firmware of an `sma-reference` board: in Python, the C core compiled for this computer, or
     the program of the ATmega328P on an emulated microcontroller.
@@ -185,7 +190,7 @@ class DeviceEntry(Section):
 class SimConfig(Section):
     """The content of a SIM.toml.
 
-    A SIM.toml without `devices` gives a bench with one device; the program that serves the bench decides which.
+    A SIM.toml without `devices` gives a bench with one device. The program that makes the bench chooses this device.
     """
 
     wire: Wire
@@ -210,6 +215,6 @@ class SimConfig(Section):
 def load_sim(name_or_path: str | Path) -> SimConfig:
     """Load a SIM.toml and return its content. `name_or_path` is a path that ends in .toml, or a shipped name.
 
-    ConfigError names file, key and cure.
+    ConfigError when the file is missing or wrong; the error names file, key and cure.
     """
     return load_config(config_file(name_or_path, SIM), SimConfig)

@@ -10,7 +10,7 @@
     share = 0.1             # fraction of the replies with a fault
     slowest_s = 0.5         # the longest delay, pause or absence
     copies = true           # a copy of a reply may arrive after the next request; plain RTU cannot detect this copy
-    lag = true              # replies may repeat the reply before them; RTU and Modbus TCP cannot detect this
+    lag = true              # replies may repeat the previous reply; RTU and Modbus TCP cannot detect this
 
 A test calls the same methods, so a script can cause the same faults as a test.
 """
@@ -87,15 +87,16 @@ class Timeline:
 
 
 def load_script(path: Path) -> FaultScript:
-    """Load the script at `path`. ConfigError names file, key and cure."""
+    """Load the script at `path`. ConfigError when the file is missing or wrong; it names file, key and cure."""
     check_kind(path, FAULTS)
     return load_config(path, FaultScript)
 
 
 def scheduled(script: FaultScript, methods: Mapping[str, FaultMethod]) -> list[ScheduledFault]:
-    """Return the faults of the script. `methods` has every method of the bench that begins a fault, by name.
+    """Return the faults of the script. `methods` has every method of the bench that a script can call, by name.
 
-    ConfigError for an unknown name or key. The error suggests the known name or key with the most similar spelling.
+    ConfigError for an unknown name or key, a missing key, or a wrong value. For an unknown name or key, the error
+    suggests the known one with the most similar spelling.
     """
     return [_scheduled(f"[[faults]] {number}", entry, methods) for number, entry in enumerate(script.faults, 1)]
 
@@ -112,7 +113,7 @@ def _scheduled(where: str, entry: FaultEntry, methods: Mapping[str, FaultMethod]
 
 
 def _parameter_table(name: str, method: FaultMethod) -> type[Section]:
-    """Return the parameters of `method` as a table of a config file."""
+    """Return a Section whose keys are the parameters of `method`, with their types and defaults."""
     hints = get_type_hints(method, include_extras=True)
     fields: dict[str, Any] = {
         key: (hints[key], ... if parameter.default is parameter.empty else parameter.default)

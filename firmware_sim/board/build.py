@@ -1,6 +1,6 @@
-"""Builds what is in C with `make`, once for each state of the sources and each set of variables.
+"""Builds the C code with `make`, once for each content of the sources and each set of variables.
 
-The results lie in the user's cache folder, each under a digest of its sources and variables.
+The user's cache folder keeps every result. The name of its subfolder has a digest of the sources and the variables.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SOURCES = ("*.c", "*.h", "Makefile")
 class Product(NamedTuple):
     """The file `name` that `make` builds in `folder` from the files in the folders `sources`.
 
-    `subject` names it in an error. `check_tools` raises ConfigError if a tool for the build is missing.
+    An error calls the product `subject`. `check_tools` raises ConfigError if a tool for the build is missing.
     """
 
     name: str
@@ -32,9 +32,9 @@ class Product(NamedTuple):
 
 
 def built(product: Product, *variables: str) -> Path:
-    """Return the path of the product, which is built if necessary. ConfigError if that fails.
+    """Return the path of the product. Build the product first if it is not in the cache.
 
-    `variables` are arguments of make, each as NAME=VALUE.
+    `variables` are arguments of make, each as NAME=VALUE. ConfigError if a tool is missing or the build fails.
     """
     target = _cache_folder() / f"{Path(product.name).stem}-{_digest(product.sources, variables)}"
     if not (target / product.name).exists():
@@ -61,4 +61,4 @@ def _make(product: Product, variables: tuple[str, ...], target: Path) -> None:
             what = f"{product.subject} cannot be built"
             raise ConfigError(what, where=product.folder, value=made.stderr.strip()[-2000:])
         target.mkdir(exist_ok=True)
-        (Path(building) / product.name).replace(target / product.name)  # at once: no other process loads a part of it
+        (Path(building) / product.name).replace(target / product.name)  # no process loads a partial file

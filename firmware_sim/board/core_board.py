@@ -1,6 +1,7 @@
-"""One board of the C core, in this process: bytes, readings and times in; replies and outputs out.
+"""A board that runs the C core in this process: bytes, readings and times in; replies and outputs out.
 
-The calls are those of `core/board.h`. This class plays the target: it owns the storage and drives the clock.
+`CoreBoard` calls the functions of `core/board.h`, as the program of a microcontroller does. It owns the storage. Its
+caller gives the time, in ms since power-up.
 """
 
 from __future__ import annotations
@@ -11,8 +12,9 @@ from firmware_sim.board.library import WORDS, Hardware, Inputs, Outputs, View, b
 
 RECORD_BYTES = 14
 REPLY_BYTES = 40
-"""No reply is longer, and no request is shorter than 8 bytes, so 5 bytes of replies for each byte are enough."""
+"""The largest size of a reply, in bytes."""
 REPLY_BYTES_PER_BYTE = 5
+"""A request to which `receive` returns a reply has at least 8 bytes, and 40 / 8 = 5."""
 
 
 class CoreBoard:
@@ -28,13 +30,13 @@ class CoreBoard:
         self.power_up(hardware)
 
     def power_up(self, hardware: Hardware) -> None:
-        """Start the firmware at the time 0 ms, with the record of the storage."""
+        """Start the firmware at the time 0 ms, with the calibration record in `storage`."""
         record = ctypes.create_string_buffer(self.storage, RECORD_BYTES)
         self._library.board_power_up(self._board, ctypes.byref(hardware), record)
         self._observe()
 
     def receive(self, data: bytes, now_ms: int) -> bytes:
-        """Take bytes from the line, and return the bytes of the replies."""
+        """Pass bytes from the line to the core, and return the bytes of its replies; empty if there is none."""
         replies = ctypes.create_string_buffer(REPLY_BYTES + REPLY_BYTES_PER_BYTE * len(data))
         length = self._library.native_receive(self._board, data, len(data), now_ms, replies, len(replies))
         self._save_calibration()
@@ -42,7 +44,7 @@ class CoreBoard:
         return replies.raw[:length]
 
     def pause(self, now_ms: int) -> bytes:
-        """Report a pause of the line, and return the bytes of the reply."""
+        """Tell the core that the line is silent, which ends a frame, and return the reply; empty if there is none."""
         length = self._library.native_pause(self._board, now_ms, self._reply, len(self._reply))
         self._observe()
         return self._reply.raw[:length]
@@ -54,11 +56,11 @@ class CoreBoard:
         return self._outputs
 
     def poll(self, now_ms: int) -> None:
-        """Show the firmware that its main loop runs."""
+        """Tell the core that the main loop runs. `tick` sets the fault `self_test` after 100 ms without this call."""
         self._library.board_poll(self._board, now_ms)
 
     def registers(self, now_ms: int) -> list[int]:
-        """Return all words from address 0 on, and 0 where no register is."""
+        """Return the words of the addresses 0 to 70; 0 for an address without a register."""
         self._library.native_registers(self._board, now_ms, ctypes.byref(self._words))
         return list(self._words)
 

@@ -1,6 +1,7 @@
-"""The shared library of the board core: built once for each state of its sources, and loaded.
+"""Builds and loads the shared library of the board core. It is built once for each content of its sources.
 
-The environment variable SMADRIVE_BOARD_LIBRARY names another library, built with a sanitizer or for coverage.
+If the environment variable SMADRIVE_BOARD_LIBRARY is set, the library at this path is loaded instead, for example one
+that was built with a sanitizer or for coverage.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ FOLDER = Path(__file__).parent
 CORE, NATIVE = FOLDER / "core", FOLDER / "native"
 PREBUILT = "SMADRIVE_BOARD_LIBRARY"
 WORDS = 71
-"""The number of addresses of the map, with those that do not exist."""
+"""The number of addresses from 0 to the last register, including addresses without a register."""
 
 
 class Hardware(Structure):
@@ -96,7 +97,7 @@ LIBRARY = Product("libboard.so", "the board core", NATIVE, (CORE, NATIVE), _chec
 
 @cache
 def board_library() -> ctypes.CDLL:
-    """Return the library, which is built if necessary. ConfigError if a tool is missing or the build fails."""
+    """Return the library. Build it first if necessary. ConfigError if a tool is missing or the build fails."""
     library = ctypes.CDLL(os.environ.get(PREBUILT) or str(built(LIBRARY)))
     _declare(library)
     return library

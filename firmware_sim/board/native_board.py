@@ -22,10 +22,10 @@ NO_DISPLACEMENT = -0x80000000
 class NativeBoard:
     """Reads `sensors`, sets `current_a` and answers requests. `log_event` gets one line per event, without the time.
 
-    `serial_number` and `firmware_version` are what the registers show. `seed` gives the starts of the sequence.
+    The registers show `serial_number` and `firmware_version`. `seed` determines the random starts of the sequence.
     """
 
-    voltage_max_v = inf  # a current source: the board's limits are all in amperes
+    voltage_max_v = inf  # a current source: the board does not limit the voltage
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class NativeBoard:
         self.restart()
 
     def restart(self) -> None:
-        """Power up, with a new start of the sequence."""
+        """Power up. The sequence starts at a new random number."""
         self.uptime_s = 0.0
         self._hardware.sequence_start = sequence_start(self._random)
         self._core.power_up(self._hardware)

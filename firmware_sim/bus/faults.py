@@ -6,8 +6,8 @@
 
 A fault of replies lasts for a number of `replies`, or for `for_s` seconds from now. Planned faults act one after the
 other: a reply gets only the first fault that is not over yet. The device carries out a request even when the reply is
-lost or corrupted. Only under `refuse` it does not carry out the request. Replies arrive in the order of their requests,
-so a late reply also delays the replies after it.
+lost or corrupted. The only exception is `refuse`: the device does not carry out the request. Replies arrive in the
+order of their requests, so a late reply also delays the replies after it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class FaultyConnection(Protocol):
     """A client's connection to the device. The faults of the line act on this interface."""
 
     def deliver(self, due_s: float, data: bytes) -> None:
-        """Let `data` arrive at the client at `due_s`, without a request."""
+        """Let `data` arrive at the client at `due_s`, without a request from the client."""
         ...
 
     def disconnect(self, return_s: float) -> None:
@@ -57,7 +57,7 @@ def _whole(frame: bytes) -> list[Delivery]:
 class _PlannedFault:
     """A fault and its duration.
 
-    With a `code`, the request is not carried out and gets the exception with this code.
+    With a `code`, the device does not carry out the request, and replies with the exception of this code.
     """
 
     replies_left: float
@@ -78,7 +78,7 @@ class BusFaults:
     """The faults between one device and its clients. `connect` adds a client's connection."""
 
     def __init__(self, now_s: Callable[[], float], seed: int = 0) -> None:
-        """`now_s` returns the time of the device; `seed` seeds junk and noise."""
+        """`now_s` returns the time of the device; `seed` seeds the random bytes and the flipped bits."""
         self._connections: list[FaultyConnection] = []
         self._noisy: list[FaultyConnection] = []
         self.before_reply: Callable[[], None] = lambda: None
@@ -150,7 +150,7 @@ class BusFaults:
         self._plan(replies, for_s, code=code)
 
     def defer(self, code: ExceptionCode, after_s: Delay, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Exception `code` arrives first, the real reply `after_s` later, as from a gateway that did not wait."""
+        """Exception `code` arrives first, the real reply `after_s` later: the timeout of a gateway is too short."""
 
         def twice(reply: Message) -> list[Delivery]:
             return [(0.0, reply.reply(reply.exception_pdu(code)).frame), (after_s, reply.frame)]
@@ -158,11 +158,14 @@ class BusFaults:
         self._plan(replies, for_s, twice)
 
     def early(self, after_s: Delay, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """A copy of the reply arrives `after_s` later. On Modbus TCP the copy has the next transaction number."""
+        """The reply arrives, and `after_s` later a copy of it, as an early reply to the next request.
+
+        On Modbus TCP the copy has the next transaction number.
+        """
         self._plan(replies, for_s, lambda reply: [(0.0, reply.frame), (after_s, reply.next_transaction.frame)])
 
     def split(self, pause_s: Seconds, pieces: Pieces = 2, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Replies arrive in `pieces`, with a pause of `pause_s` between the pieces."""
+        """Replies arrive in a number of `pieces`, with a pause of `pause_s` between two pieces."""
 
         def cut(frame: bytes) -> list[Delivery]:
             bounds = [len(frame) * piece // pieces for piece in range(pieces + 1)]
@@ -186,7 +189,7 @@ class BusFaults:
         )
 
     def noise(self, for_s: Seconds, gap_s: Seconds = 0.05) -> None:
-        """Random bytes arrive for `for_s`, on average every `gap_s`. Modbus TCP connections get none."""
+        """Random bytes arrive for `for_s`, on average every `gap_s`. Modbus TCP connections get no noise."""
         time_s = self._now_s()
         end_s = time_s + for_s
         while (time_s := time_s + self._random.expovariate(1 / gap_s)) < end_s:

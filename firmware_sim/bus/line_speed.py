@@ -15,7 +15,7 @@ from smadrive.modbus.transports.transport import SerialSettings
 
 
 class SlowLine:
-    """Delays the replies of `port` as a serial line with these settings does."""
+    """Delays the replies of `port`, as a serial line with these `settings` does."""
 
     def __init__(self, port: Port, settings: SerialSettings) -> None:
         bits = 9 + (settings.parity != "N") + settings.stopbits  # start, data, parity, stop
@@ -26,7 +26,7 @@ class SlowLine:
         self._reply_end_s = 0.0
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Return the replies to `data`, which was sent at `time_s`, with the arrival time of their last character."""
+        """Return the replies to `data`, which was sent at `time_s`. Each has the time at which it is complete."""
         self._request_end_s = max(self._request_end_s, time_s) + len(data) * self._character_s
         late_s = self._request_end_s - time_s + self._silence_s
         deliveries = []

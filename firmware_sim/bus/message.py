@@ -1,6 +1,6 @@
 """A complete request or reply: its PDU, its frame, and its corrupted variants for the faults of the bus.
 
-Modbus and text lines have different frames, and the same faults.
+Modbus messages and lines of text have different frames, but the same faults.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class ModbusMessage(NamedTuple):
 
     @property
     def wrong_unit(self) -> Self:
-        """The same reply, but with the unit id of another unit: the id after the right one."""
+        """The same reply, but with the next unit id: 2 instead of 1."""
         return self._replace(unit_id=self.unit_id % 247 + 1)
 
     @property
@@ -109,7 +109,7 @@ class ModbusMessage(NamedTuple):
 
     @property
     def short_count(self) -> Self:
-        """The reply with one register less, or one byte of bits less. A reply to a write loses its last byte."""
+        """The reply without its last register, or without its last byte of bits. A reply to a write loses a byte."""
         function = self.pdu[0]
         if function not in _READS and function != _EXCHANGE:
             return self._replace(pdu=self.pdu[:-1])
@@ -154,12 +154,12 @@ class TextMessage(NamedTuple):
 
     @property
     def wrong_unit(self) -> Self:
-        """A reply of another kind of board."""
+        """The text `ok`, which is the reply of another kind of board."""
         return self._replace(pdu=b"ok")
 
     @property
     def wrong_function(self) -> Self:
-        """A number, which is the reply to another command."""
+        """The text `0.000`, which is the reply to another command."""
         return self._replace(pdu=b"0.000")
 
     @property

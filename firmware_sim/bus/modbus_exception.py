@@ -1,4 +1,4 @@
-"""The exception codes of the Modbus standard, and the Python exception that carries such a code."""
+"""Exception codes of the Modbus standard, and the Python exception that carries such a code."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ DEVICE_FAILURE = 4
 NO_SUCH_UNIT = 11
 
 
-class ModbusException(Exception):  # no error of the simulator: a legal reply
-    """The request gets a reply with the exception `code`."""
+class ModbusException(Exception):  # not an error of the simulator: a regular reply
+    """Raised while a request is carried out: the device replies with the exception `code`."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f"exception {code}")

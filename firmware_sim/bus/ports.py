@@ -1,4 +1,4 @@
-"""The ports of devices: RTU frames on a line, Modbus TCP frames in a connection, or lines of text.
+"""The ports of devices. A port takes RTU frames, Modbus TCP frames, lines of text, or raw bytes.
 
 RTU: a request to an absent unit gets no reply, and a request with a wrong CRC gets no reply. All devices carry out a
 broadcast (a request to unit 0), and none of them replies.
@@ -7,9 +7,9 @@ Modbus TCP: a request to an absent unit gets exception 11, as from a gateway. If
 device, this device also answers requests to the units 0 and 255. The port drops a frame whose protocol identifier is
 not 0. After an impossible length the port drops all pending bytes, because the stream is not Modbus.
 
-Text: a line ends with CR or LF, or when the board's buffer is full.
+Text: a line ends with CR or LF, or when the 64 bytes of the board's buffer are full.
 
-Raw: the device itself finds the requests in the bytes.
+Raw: the port passes the bytes to the device, and the device itself finds the requests in them.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class TcpPort:
 
 
 class TextPort:
-    """A port for lines of text to one board; `answer` carries out a line."""
+    """A port for lines of text to one board; `answer` carries out a line, and returns the deliveries of the reply."""
 
     def __init__(self, answer: Callable[[TextMessage, float], list[Delivery]]) -> None:
         self._answer = answer

@@ -15,11 +15,11 @@ LAGGING = range(2, 30)  # number of successive replies that each repeat the prev
 
 
 class RandomBusFaults:
-    """Plans a fault before each reply with probability `share`; no delay is longer than `slowest_s`.
+    """Plans a fault before each reply with probability `share`. No delay and no absence is longer than `slowest_s`.
 
     With `copies`, a copy of a reply may also arrive after the next request. A client of plain RTU cannot detect this
-    copy. With `lag`, a series of replies may also each repeat the previous reply. A client cannot detect this on RTU
-    or on Modbus TCP.
+    copy. With `lag`, several replies in a row may each repeat the previous reply. A client cannot detect this on RTU
+    or on Modbus TCP. `reboot` restarts the device.
     """
 
     def __init__(

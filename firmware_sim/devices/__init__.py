@@ -1,5 +1,5 @@
 """The devices: firmware (board, supply, instrument, TCLab), register bank, Modbus responder, replay of a trace.
 
-May import bus, sensors and physics, and smadrive.devices.profile and smadrive.modbus. Sockets, pseudo-terminals and
-real time do not belong here.
+May import config, fault_parameters, bus, sensors and physics of the simulator, and clock, devices.profile, files,
+modbus and errors of smadrive. Sockets, pseudo-terminals and real time do not belong here.
 """

@@ -66,11 +66,14 @@ class SimulatedDevice:
 
     @property
     def raw_port(self) -> Port | None:
-        """A port for bytes that the device reads itself, or None if the simulator finds the requests for it."""
+        """A port for a device that finds the requests in the bytes itself. None if the simulator finds the requests."""
         return None if self._serial_line is None else RawPort(self.exchange)
 
     def exchange(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Pass `data` to the serial line of the device, and return the deliveries of its replies."""
+        """Pass `data` to the serial line of the device, and return the deliveries of its replies.
+
+        Return no delivery while the device starts, or if it has no serial line of its own.
+        """
         if self._serial_line is None or not self._listens(time_s):
             return []
         deliveries = []
@@ -120,7 +123,8 @@ class Line:
         """Return a new port to the same devices.
 
         If the device has no registers, the port takes lines of text. Otherwise the port takes Modbus TCP frames with
-        `numbered`, and RTU frames without it. A device that is alone on a line may read the bytes itself.
+        `numbered`, and RTU frames without it. A port without `numbered` to a single device is the `raw_port` of this
+        device, if the device has one.
         """
         if not self._profile.has_registers:
             return TextPort(self.devices[0].answer)
@@ -143,7 +147,7 @@ class Line:
 
 
 class BenchClock:
-    """The bench's own time as a clock."""
+    """A clock that shows the time of the bench. Sleeping advances the bench."""
 
     def __init__(self, bench: DeviceHost) -> None:
         self._bench = bench

@@ -31,10 +31,10 @@ class Firmware(Protocol):
 
 
 class RegisterFirmware(Firmware, Protocol):
-    """A firmware that reads and shows values by role. It does not know the register map."""
+    """A firmware that gets and returns the values of registers by role. It does not know the register map."""
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Raise ModbusException when the firmware rejects the write of `values`, which has the values by role."""
+        """Raise ModbusException when the firmware rejects a write. `values` has the values to write by role."""
         ...
 
     def write(self, values: Mapping[str, float]) -> None:
@@ -58,7 +58,7 @@ class OwnSerialLine(Protocol):
     """The serial line of a device that reads the bytes of the line itself."""
 
     def exchange(self, data: bytes) -> list[tuple[float, bytes]]:
-        """Send `data` to the device, and return the frames that it answers, each with the time of its last byte."""
+        """Send `data` to the device, and return its replies as pairs (time of the last byte in s, frame)."""
         ...
 
 

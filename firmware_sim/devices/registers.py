@@ -1,8 +1,8 @@
 """The registers of a simulated device, as its profile describes them. The firmware reads and writes them by role.
 
-The bank checks a whole write before it stores any part, so a request with an exception reply changes nothing. The rules
-of the profile apply here too. Some registers hold the decimals or the unit of other registers. Some devices have a
-lock register: a client must write this register before it writes others.
+The bank checks a whole write before it stores any part, so a request with an exception reply changes nothing. The bank
+also follows two rules of the profile. First, some registers hold the decimals or the unit of other registers. Second,
+some devices have a lock register: a client must write this register before it writes others.
 """
 
 from __future__ import annotations
@@ -97,25 +97,28 @@ class RegisterBank:
         return set(self._tables)
 
     def publish(self, quantities: Mapping[str, Quantity], table: str, first: int, count: int) -> None:
-        """Store `quantities` by role, in those registers that begin within `count` words from `first`."""
+        """Store each of the `quantities` in the register of its role.
+
+        Only the registers of `table` that begin within `count` words from the address `first` are updated.
+        """
         published, end = self._published, first + count
         for role, cell in self._shown.get(table, ()):
             if first <= cell.first < end and role in quantities:
                 value = quantities[role]
-                if cell.is_dependent:  # other registers determine its words, and may change
+                if cell.is_dependent:  # its words depend on other registers, which may change
                     self._show_dependent(cell, value)
                 elif role not in published or published[role] != value:
                     cell.store(_words_for(cell, value, ALONE))
                     published[role] = value
 
     def preset(self, name: str, value: float) -> None:
-        """Set the register `name`. Do nothing if the profile has no such register."""
+        """Set the register `name` to `value`. Do nothing if the profile has no such register."""
         if name in self._cells:
             cell = self._cells[name]
             cell.store(cell.codec.saturated(value))
 
     def read(self, table: str, first: int, count: int) -> list[int]:
-        """Return the words of a readable range, as they were last stored or published."""
+        """Return the words of a range as last stored or published. `check_readable` must have accepted the range."""
         return self._tables[table][first : first + count]
 
     def check_readable(self, table: str, first: int, count: int) -> None:
@@ -150,7 +153,7 @@ class RegisterBank:
         return {cell.role: value for cell, _, value, _ in writes if cell.role is not None}
 
     def store(self, writes: Sequence[Write]) -> None:
-        """Store the writes that `checked` returned. A write-only register stores nothing."""
+        """Store the writes that `checked` returned. The words of a write-only register are not stored."""
         for cell, words, _, _ in writes:
             if cell.keeps:
                 cell.store(words)
@@ -165,7 +168,7 @@ class RegisterBank:
                 raise ModbusException(DEVICE_FAILURE)
 
     def _show_dependent(self, cell: RegisterCell, value: Quantity) -> None:
-        """Show a quantity in a register that depends on others, and its validity in the status registers."""
+        """Show `value` in a register that depends on others, and show in its status registers if `value` is valid."""
         for name, valid in cell.register.valid_when.items():
             status = self._cells[name]
             invalid = (number for number in status.register.enum if number not in valid)

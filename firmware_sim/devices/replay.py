@@ -1,8 +1,8 @@
-"""A recorded bus served as devices: every unit of the trace answers as in the recording, after the same time.
+"""Recorded bus traffic, served as devices: every unit of the trace replies as in the recording, with the same delay.
 
 If a request was recorded several times, the unit sends the recorded replies in their order. It then repeats the last
-recorded reply. A request without a recorded reply gets no reply. A corrupt recorded reply is sent as it was recorded. A
-request that is not in the recording gets no reply, and an event line names this request.
+recorded reply. A request without a recorded reply gets no reply. A corrupt reply is sent as it was recorded. A request
+that is not in the recording gets no reply, and an event line names this request.
 
 Two exchanges (FC23) count as the same request even if they write different words, because a driver begins its sequence
 numbers at a random number. If the recorded reply repeats a word that the recorded request wrote, the sent reply repeats
@@ -30,7 +30,7 @@ EXCHANGE = b"\x17"
 WRITTEN_WORDS = 10
 """Offset of the written words in the PDU of an exchange."""
 MAX_DELAY_S = 3600.0
-"""The longest delay of a recorded reply. No driver waits longer."""
+"""The longest allowed delay of a recorded reply, s. No driver waits longer."""
 
 
 class RecordedReply(NamedTuple):
@@ -145,14 +145,14 @@ def _recorded_reply(request: TraceLine, following: TraceLine | None, *, numbered
 
 
 def _key(pdu: bytes) -> bytes:
-    """Return the part of a request that identifies it: the whole PDU, for an exchange without the written words."""
+    """Return the part of a PDU that identifies the request: all of it, or of an exchange all but the written words."""
     return pdu[:WRITTEN_WORDS] if pdu[:1] == EXCHANGE else pdu
 
 
 def _echoes(request: bytes, reply: bytes) -> tuple[tuple[int, int], ...]:
     """Return the offsets of the words that an exchange writes and its reply repeats, as pairs (in reply, in request).
 
-    Words of zero do not count.
+    Words with the value 0 are left out. The result is empty for another function.
     """
     if request[:1] != EXCHANGE or reply[:1] != EXCHANGE:
         return ()

@@ -1,9 +1,9 @@
 """The server side of Modbus according to the standard: the PDU of a request in, the PDU of the reply out.
 
-The responder checks a request in the order of the standard: function, quantity, address, value, device. FC23 checks the
-range that it reads and the range that it writes before it writes. The device supports the functions that the profile
-lists. FC4 also needs an input table in the profile, and the functions for bits need a table of coils or of discrete
-inputs. FC8 (loop back) is always supported.
+The responder checks a request in the order of the standard: function, quantity, address, value, device. For FC23 it
+checks the range to read and the range to write before it writes. The device supports those of the functions 1 to 6, 15,
+16, 22 and 23 that the profile lists. FC4 also needs an input table in the profile, and the functions for bits (1, 2, 5
+and 15) need a table of coils or of discrete inputs. FC8 (loop back) is always supported.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _COIL_STATES = {0xFF00: 1, 0x0000: 0}
 
 @dataclass(slots=True)
 class ResponderCounters:
-    """Numbers of requests and of exception replies since the start."""
+    """The number of requests, and the number of exception replies, since the start."""
 
     requests: int = 0
     exceptions: int = 0

@@ -1,10 +1,12 @@
 """A bench supply. It limits current and voltage (some supplies only the current), and has no watchdog.
 
 A supply is a hazard for a wire: it continues to heat when the driver is silent, it measures no temperature, and a
-failure of the wire shows only in its readings. The driver must handle these hazards. A supply with the roles `ovp`
-and `ocp` has protections. If the set or measured voltage is higher than `ovp`, or the current is higher than `ocp`, the
-supply switches its output off and latches the protection. If the register of the role `faults` is writable, a write of
-0 to this register resets the protection. Otherwise the panel or a power-up resets the protection.
+failure of the wire shows only in its readings. The driver must handle these hazards.
+
+A supply with the roles `ovp` and `ocp` has protections. If the set or measured voltage is higher than `ovp`, or the set
+or measured current is higher than `ocp`, the supply switches its output off and latches the protection. If the register
+of the role `faults` is writable, a write of 0 to this register resets the protection. Otherwise only the panel or a
+power-up resets the protection.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from firmware_sim.sensors.sensors import Sensors
 from smadrive.devices.profile.profile import Profile
 
 CC_MARGIN = 0.99
-TRIP_MARGIN = 1.01  # beyond the noise of the measurement
+TRIP_MARGIN = 1.01  # a measured value may exceed a protection by this factor, because of noise
 
 
 class SupplyFirmware:
@@ -64,7 +66,7 @@ class SupplyFirmware:
         """Accept every write, because the register bank has checked the limits of the registers."""
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Set those of current, voltage, protections and output whose roles `values` contains."""
+        """Set current, voltage, protections and output. A role that `values` does not contain keeps its value."""
         self.set_a = values.get("heater_current", self.set_a)
         self.set_v = values.get("heater_voltage", self.set_v)
         self.protections |= {name: values[name] for name in self.protections if name in values}
@@ -74,7 +76,7 @@ class SupplyFirmware:
         self._switch(on=self.latched == "ok" and bool(values.get("heater_enable", self.on)))
 
     def quantities(self) -> Mapping[str, Quantity]:
-        """Return setpoints, measured values, the active limit and the protections, by role."""
+        """Return setpoints, measured values, the active limit (cc or cv), and the protections, by role."""
         return {
             "heater_current": self.set_a,
             "heater_voltage": self.set_v,

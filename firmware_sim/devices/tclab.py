@@ -5,8 +5,8 @@ with the voltage on. The command Q1 (0 to 100 %) and the largest pulse width P1 
 
     duty = floor(Q1 · P1 / 100) / 255          heat = duty · U² / R          R: resistance of the wire
 
-Like the real board, this firmware has no watchdog and no limit. An open or shorted sensor reads as the lower or upper
-end of the converter's range. An unknown command switches both heaters off.
+Like the real board, this firmware has no watchdog, and does not limit current or temperature. An open sensor reads as
+the lower end of the converter's range, a shorted sensor as the upper end. An unknown command switches both heaters off.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ BANNER = "TCLab Firmware 2.0.1 Arduino Uno"
 PULSE_MAX = 255
 PULSE_FACTORY = {"P1": 200.0, "P2": 100.0}
 QUANTUM_C = 0.322265625
-"""Resolution of the converter, °C: 330 mV / 1024, at 10 mV per °C."""
+"""Resolution of the converter, °C: 3.3 V / 1024, at 10 mV per °C."""
 LOWEST_C = -50.0
 COUNTS = 1023
 SAMPLES = 10
@@ -29,7 +29,7 @@ SAMPLES = 10
 
 
 class TCLabFirmware:
-    """Firmware and request handler in one class. The board applies `supply_v` in pulses to a load of `load_ohm()`."""
+    """The firmware, which also handles the requests. It applies `supply_v` in pulses to a load of `load_ohm()`."""
 
     voltage_max_v = inf
 
@@ -49,7 +49,7 @@ class TCLabFirmware:
         return sqrt(pulse / PULSE_MAX) * self._supply_v / self._load_ohm()
 
     def restart(self) -> None:
-        """Power up with both heaters off. A real board also restarts when its port is opened."""
+        """Power up with both heaters off. Opening the port restarts a real board, but not this one."""
         self.duty = {"Q1": 0.0, "Q2": 0.0}
         self.pulse = dict(PULSE_FACTORY)
 
@@ -81,7 +81,7 @@ class TCLabFirmware:
         self.duty[name] = duty
 
     def _switched_off(self, name: str) -> str:
-        """Switch both heaters off, and return the reply to the command A, X or an unknown one."""
+        """Switch both heaters off, and return the reply to the command A, X or an unknown command."""
         for heater in self.duty:
             self._set(heater, 0.0)
         return {"A": "Start", "X": "Stop"}.get(name, name)

@@ -1,4 +1,5 @@
 """The wire: heat balance, phase transformation, ageing, faults of the heater circuit; Flexinol and random wires.
 
-May import config and smadrive.hysteresis. Registers, frames, sensors and clocks do not belong here.
+May import config and fault_parameters of the simulator, and hysteresis, numerics and errors of smadrive. Registers,
+frames, sensors and clocks do not belong here.
 """

@@ -2,9 +2,8 @@
 
     displacement = (1 - fade) · stroke · ξ          ξ: austenite fraction at the temperature T - shift
 
-The temperature shift (K) and the fade of the stroke (a fraction) change linearly over a given time.
-
-Cycles under load age a real wire in this way (functional fatigue). The driver's model then no longer fits the wire.
+The temperature shift (K) and the fade of the stroke (a fraction) change linearly over a given time. Cycles under load
+age a real wire in this way (functional fatigue). The driver's model then no longer fits the wire.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from firmware_sim.physics.ramp import Ramp
 
 
 class Ageing:
-    """The change of the wire up to now: `shift_c` and `fade`."""
+    """The present ageing of the wire: the shift `shift_c` in K, and the fraction `fade` of the stroke that is lost."""
 
     def __init__(self) -> None:
         self.shift_c = 0.0

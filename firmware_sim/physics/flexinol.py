@@ -9,9 +9,9 @@ Nu and Ra are the Nusselt and Rayleigh numbers, C and n Morgan's constants, d th
 air at film temperature (T + T_amb)/2 has conductivity k, expansion β, viscosity ν and diffusivity α.
 
 Thin wires need two corrections. First, a sleeve of still air surrounds a wire of radius r, out to the radius r
-e^(2/Nu). It warms and cools with the wire. At 0.025 mm it stores more than half as much heat as the wire. Second, the
-vendor's current contracts the wire, so the loss cannot exceed the heat of this current. At 0.025 and 0.05 mm this limit
-is lower than the loss of the correlation.
+e^(2/Nu). The sleeve warms and cools with the wire. At 0.025 mm the sleeve stores more than half as much heat as the
+wire. Second, the vendor's current heats the wire until it contracts. So the loss at this temperature cannot exceed the
+heat of the current. At 0.025 and 0.05 mm this limit is lower than the loss of the correlation.
 
 The centres of the heating branch (μ₊) and of the cooling branch (μ₋) were measured in °C at the stress s in MPa:
 μ₊ = 77.6 + 0.1233 s, μ₋ = 55.5 + 0.1352 s. The temperatures of HT wire are 20 K higher.
@@ -49,7 +49,7 @@ WARM_C = 80.0  # the wire temperature at which h is evaluated
 
 
 class TableRow(NamedTuple):
-    """A row of the vendor's table: resistance, and the current that contracts the wire in one second."""
+    """A row of the vendor's table: the resistance, and the current that contracts the wire in one second."""
 
     ohm_per_m: float
     contracting_a: float
@@ -70,7 +70,7 @@ TABLE = {
 
 
 def flexinol(diameter_mm: float, length_m: float = 0.3, alloy: Literal["LT", "HT"] = "LT") -> SimConfig:
-    """Return the config of a bench. A weight loads the wire of this diameter, length and alloy with 100 MPa.
+    """Return the config of a bench with a wire of this diameter, length and alloy, under a weight of 100 MPa.
 
     ConfigError for a diameter that is not sold.
     """
@@ -118,14 +118,14 @@ def flexinol(diameter_mm: float, length_m: float = 0.3, alloy: Literal["LT", "HT
 
 
 class StillAir(NamedTuple):
-    """Heat loss to the air in W/(m K), and heat capacity of the air around the wire in J/(m K)."""
+    """The heat loss to the air in W/(m K), and the heat capacity of the air sleeve in J/(m K), per metre of wire."""
 
     loss_w_per_m_k: float
     sleeve_j_per_m_k: float
 
 
 def still_air(diameter_m: float, excess_k: float) -> StillAir:
-    """Return the heat loss by free convection, and the air sleeve, of a wire that is `excess_k` above ambient."""
+    """Return heat loss and air sleeve of a wire in free convection, `excess_k` above the ambient temperature."""
     film_k = 273.15 + AMBIENT_C + excess_k / 2
     conductivity = 0.0241 * (film_k / 273.15) ** 0.81
     viscosity = 13.3e-6 * (film_k / 273.15) ** 1.75
@@ -138,7 +138,7 @@ def still_air(diameter_m: float, excess_k: float) -> StillAir:
 
 
 def _max_loss_w_per_m_k(row: TableRow) -> float:
-    """Return the loss with which the vendor's current just holds the temperature of a contracted wire.
+    """Return the heat loss, W/(m K), with which the vendor's current just holds the temperature of a contracted wire.
 
     The contracted wire is an HT wire, 2 σ above the centre of its heating branch.
     """

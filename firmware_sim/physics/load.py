@@ -14,7 +14,7 @@ from firmware_sim.physics.ramp import Ramp
 
 
 class Load:
-    """The stress that was added to the bias load up to now."""
+    """The stress that `step_load` has added to the stress of the bias load up to now."""
 
     def __init__(self) -> None:
         self._added_mpa = Ramp(0.0)

@@ -28,7 +28,7 @@ SUBSTEP_K = 1.0
 class Plant:
     """A wire that starts at ambient temperature, all martensite.
 
-    `faults` are the faults of its heater circuit. `surroundings`, `load` and `ageing` change while it works.
+    `faults` are the faults of the heater circuit. `surroundings`, `load` and `ageing` can change during the simulation.
     """
 
     def __init__(self, config: SimConfig) -> None:
@@ -67,9 +67,9 @@ class Plant:
         return self._resistance.ohm(self.temperature_c, self._transformation.phase, contraction)
 
     def advance(self, current_a: float, dt_s: float, voltage_max_v: float = inf) -> None:
-        """Let the set current `current_a` flow for `dt_s`, or less current if `voltage_max_v` is too low for it.
+        """Let the set current `current_a` flow for `dt_s`. If it needs more than `voltage_max_v`, less current flows.
 
-        Faults of the heater circuit change this current.
+        Faults of the heater circuit change the current, too.
         """
         self.faults.advance(dt_s)
         self.ageing.advance(dt_s)
@@ -80,8 +80,8 @@ class Plant:
     def _drive(self, set_a: float, voltage_max_v: float) -> None:
         """Set the current, and the voltage at the source.
 
-        With a broken wire the source shows its voltage limit while it tries to drive current; without a limit it shows
-        0.
+        If the wire is broken, no current flows. While the set current is not 0, the source then has its highest
+        voltage, or 0 if `voltage_max_v` is infinite.
         """
         circuit = self.faults.circuit
         if circuit.broken:

@@ -1,4 +1,4 @@
-"""A Preisach plane: the phase of a wire of many grains, each with its own temperatures of transformation.
+"""A Preisach plane: the austenite fraction of a wire of many grains, each with two transformation temperatures.
 
     a grain turns to austenite when v rises above α, and back when v falls below β          α > β
     ξ = the share of grains that are austenite          E(a, b) = the share of grains with α ≤ a and β ≥ b
@@ -10,8 +10,10 @@ follows from the latest reversal, where ξ was ξ_m or ξ_M (Preisach 1935, Ever
     rising   ξ = ξ_m + E(v, m)          falling   ξ = ξ_M - E(M, v)
 
 When the input passes an earlier reversal, the plane forgets this reversal and all later reversals. So minor loops close
-exactly. A Duhem model does not remember reversals, because ξ is its only state. Here (α, β) have a joint Gaussian
-density on a grid. Grains with α - β below 4 K are left out. Within a cell the density is constant, so E is bilinear.
+exactly. A Duhem model does not remember reversals, because ξ is its only state.
+
+In this plane (α, β) have a joint Gaussian density on a grid. Grains with α - β below 4 K are left out. Within a cell of
+the grid the density is constant, so E is bilinear.
 """
 
 from __future__ import annotations
@@ -24,8 +26,8 @@ from firmware_sim.config import Transformation
 from smadrive.numerics.arrays import FloatArray
 
 CELL_K = 0.25
-SPAN = 5.0  # standard deviations to either side
-NARROWEST_K = 4.0  # α - β of a grain, at least
+SPAN = 5.0  # half of the width of the grid, in standard deviations
+NARROWEST_K = 4.0  # smallest α - β of a grain
 
 
 class Reversal(NamedTuple):
@@ -37,7 +39,10 @@ class Reversal(NamedTuple):
 
 
 class PreisachState(NamedTuple):
-    """The present input v in °C and austenite fraction. The input has been rising or falling since `reversal`."""
+    """The present input `v` in °C, and the present austenite fraction `phase`.
+
+    The input has been rising (`rising`) or falling since `reversal`.
+    """
 
     v: float
     phase: float
@@ -95,7 +100,7 @@ class Preisach:
         """Return the place of (a, b) in the grid: (row, next row, s, j, t).
 
         The two rows of E are the rows before and after `a`; s, from 0 to 1, is the position of `a` between them. j is
-        the column before `b`, and t, from 0 to 1, the position of `b` behind column j.
+        the column before `b`, and t, from 0 to 1, the position of `b` between the columns j and j + 1.
         """
         s = min(max((a - self._up_c) / CELL_K, 0.0), self._up_cells - 1e-9)
         t = min(max((b - self._down_c) / CELL_K, 0.0), self._down_cells - 1e-9)

@@ -16,7 +16,7 @@ class Ramp:
         self._left_s = 0.0
 
     def begin(self, target: float, over_s: float) -> None:
-        """Change the value to `target`, linearly within `over_s`. A change that is not over ends here."""
+        """Change the value to `target`, linearly within `over_s`. This replaces a change that is not over yet."""
         self._target, self._left_s, self.is_changing = target, over_s, True
 
     def advance(self, dt_s: float) -> None:

@@ -5,8 +5,8 @@
     temperature coefficients of R in 1e-3/K: 0.6 to 1.0 (martensite), 0.3 to 0.7 (austenite)
 
 μ and σ are the centre and the width of a branch, m c is the heat capacity, h A the heat loss per kelvin, R the
-resistance. One wire in `R_PHASE_ONE_IN` has an R-phase, which raises the resistivity of the austenite by 2 to 6 % near
-its cooling branch. The values are uniform and independent. The kind of hysteresis does not depend on the nominal wire.
+resistance. One wire of four has an R-phase, which raises the resistivity of the austenite by 2 to 6 % near the cooling
+branch. The values are uniform and independent. The kind of hysteresis does not depend on the nominal wire.
 On average, three of five wires get one Gaussian per branch, one wire gets a second component between its branches (as
 from an R-phase), and one wire gets a Preisach plane. If the branches cross in the working range, which is not physical,
 new branches are drawn.
@@ -25,11 +25,11 @@ HysteresisKind = Literal["duhem", "two-component", "preisach"]
 KINDS: tuple[HysteresisKind, ...] = ("duhem", "two-component", "preisach")
 SHARES = (3, 1, 1)
 R_PHASE_ONE_IN = 4
-REACH = 4.5  # standard deviations beyond both branches: the transformation is complete there
+REACH = 4.5  # working range beyond the centres, in standard deviations: the transformation is complete at its ends
 
 
 def random_wire(nominal: SimConfig, seed: int, kind: HysteresisKind | None = None) -> SimConfig:
-    """Return the config of a bench like `nominal`, with a random wire. Without `kind` its hysteresis is random too.
+    """Return the config of a bench like `nominal`, with a random wire. Without `kind` its kind of hysteresis is random.
 
     The same arguments give the same wire.
     """
@@ -49,7 +49,7 @@ def random_wire(nominal: SimConfig, seed: int, kind: HysteresisKind | None = Non
     thermocouple = {"lag_s": random.uniform(0.05, 0.25), "noise_c": 0.1}
     random_kind = random.choices(KINDS, SHARES)[0]
     random_transformation = _transformation(nominal.transformation, kind or random_kind, random)
-    of_resistance = Random(f"resistance {seed}")  # its own, so that the other values of a seed stay
+    of_resistance = Random(f"resistance {seed}")  # a separate generator: the values from `random` do not change
     wires["resistance_change"] = wire.resistance_change * of_resistance.uniform(0.7, 1.3)
     lead_ohm = wires["resistance_cold_ohm"] * of_resistance.uniform(0.005, 0.03)
     return nominal.model_copy(
@@ -102,7 +102,7 @@ def _branches(nominal: Transformation, random: Random) -> dict[str, Any]:
 
 
 def _extras(kind: HysteresisKind, branches: dict[str, Any], random: Random) -> dict[str, Any]:
-    """Return the parameters of this kind besides those of the two branches."""
+    """Return the parameters that this kind of hysteresis needs in addition to the two branches."""
     if kind == "preisach":
         return {"correlation": random.uniform(0.4, 0.8)}
     if kind == "duhem":

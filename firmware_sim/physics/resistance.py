@@ -3,22 +3,25 @@
     R = R_cold · g · [(1 - ξ) (1 + a_M ΔT) + ξ ρ (1 + a_A ΔT) (1 + h s(T))]          ΔT = T - T_reference
 
 Martensite and austenite conduct in series, each with its temperature coefficient a_M or a_A. ρ is the ratio of their
-resistivities. The factor g is the geometry of the strain: a wire that is stretched by ε at a constant volume is longer
-by 1 + ε, and its cross section is smaller by 1 + ε, so its resistance grows by (1 + ε)². The cold wire is stretched by
-the full strain ε_0, and g = ((1 + ε)/(1 + ε_0))². At the reference temperature the hot wire has R_cold (1 + r).
+resistivities, and T_reference the ambient temperature of the config. The factor g is the effect of the strain ε on the
+geometry. At a constant volume, the strain multiplies the length of the wire by 1 + ε and divides the cross section by
+1 + ε, so it multiplies the resistance by (1 + ε)². The cold wire has the full strain ε_0, so g = ((1 + ε)/(1 + ε_0))².
+A wire of austenite (ξ = 1, ε = 0) has the resistance R_cold (1 + r) at the reference temperature; r is the
+`resistance_change` of the config.
 
 On cooling, austenite may turn into the R-phase before it turns into martensite. The R-phase hardly strains the wire,
 but its resistivity is larger by the fraction h. The hysteresis of the R-phase, 1 to 2 K, is left out. So the share of
-the austenite that is R-phase depends on the temperature alone: s(T) = Φ((T_R - T)/σ_R). A heated wire has almost no
-austenite at such temperatures, so the hump appears on cooling only.
+the austenite that is R-phase depends on the temperature alone: s(T) = Φ((T_R - T)/σ_R), Φ being the normal distribution
+function. During heating the wire has almost no austenite at such temperatures. So the R-phase raises the resistance
+only during cooling.
 
-The vendor gives resistivities of about 76 (martensite) and 82 µΩ cm (austenite) for Flexinol; the values of other
-vendors are 80 and 100 (SMA Inc., Memry). Together with the geometry of the strain, these resistivities hardly change
-the resistance. Loaded Flexinol loses 10 to 15 % when it contracts, because stretched martensite has a larger
-resistivity. So r is a parameter of its own. Song, Kubica and Gorbet (Resistance Modelling of SMA Wire Actuators, NDT in
-Aerospace, Montreal 2011) show the effects of temperature and R-phase on the resistance of actuator wires. The
-temperature coefficient of the austenite may even be negative in alloys with more nickel: Kakeshita et al., Jpn. J.
-Appl. Phys. 37, 2535 (1998).
+For Flexinol the vendor gives resistivities of about 76 (martensite) and 82 µΩ cm (austenite). For other wires the
+vendors give 80 and 100 µΩ cm (SMA Inc., Memry). With these resistivities and the factor g, the resistance would hardly
+change when the wire contracts. But loaded Flexinol then loses 10 to 15 % of its resistance, because stretched
+martensite has a larger resistivity. So r is a parameter of its own. Song, Kubica and Gorbet (Resistance Modelling of
+SMA Wire Actuators, NDT in Aerospace, Montreal 2011) show the effects of temperature and R-phase on the resistance of
+actuator wires. In alloys with more nickel, the temperature coefficient of the austenite may even be negative: Kakeshita
+et al., Jpn. J. Appl. Phys. 37, 2535 (1998).
 """
 
 from __future__ import annotations
@@ -28,7 +31,7 @@ from math import erfc, sqrt
 from firmware_sim.config import Resistance, Wire
 
 UNIFORM = Resistance()
-"""A resistance that depends on the austenite fraction alone."""
+"""The parameters of a resistance that depends on the austenite fraction alone."""
 
 
 class WireResistance:
@@ -46,8 +49,8 @@ class WireResistance:
     def ohm(self, temperature_c: float, phase: float, contraction: float) -> float:
         """Return the resistance in Ω.
 
-        `phase` is the austenite fraction. `contraction` is the displacement as a share of the full stroke, from 0 for
-        the stretched wire.
+        `phase` is the austenite fraction. `contraction` is the displacement as a share of the full stroke: 0 for the
+        stretched wire, 1 for the fully contracted wire.
         """
         warmer_k = temperature_c - self._reference_c
         geometry = (1.0 - self._strain * contraction / (1.0 + self._strain)) ** 2

@@ -73,8 +73,8 @@ class Duhem:
 class LoadedTransformation:
     """The transformation of a wire under a bias load.
 
-    Without `bias`, the transformation temperatures in the config are those of the wire under a constant load. A further
-    load then shifts them like those of Flexinol.
+    Without `bias`, the transformation temperatures in the config hold for the wire under a constant load. A further
+    load then shifts these temperatures as those of Flexinol wire.
     """
 
     def __init__(self, transformation: Transformation, bias: Bias | None, stroke_mm: float, ambient_c: float) -> None:
@@ -101,10 +101,10 @@ class LoadedTransformation:
         self._move(shift, self._input(shift), temperature_c, rising)
 
     def change_stress(self, mpa: float, latent_k: float) -> float:
-        """Raise the stress by `mpa`. Return the change of the wire temperature in K, by the latent heat.
+        """Raise the stress by `mpa`. Return the resulting change of the wire temperature, in K.
 
         `latent_k` is the latent heat divided by the heat capacity. A load that turns the fraction dξ to martensite
-        warms the wire by `latent_k` dξ, which takes back a part of the change of the input v.
+        releases latent heat, which warms the wire by `latent_k` dξ. This warming cancels a part of the change of v.
         """
         rising = mpa < 0.0
         before = self._heating if rising else self._cooling
@@ -117,7 +117,7 @@ class LoadedTransformation:
         return change_k
 
     def _input(self, shift: _Shift) -> float:
-        """Return the present input v of the hysteresis for this shift of a branch."""
+        """Return the present input v of the hysteresis on the branch that has this shift."""
         return self._temperature_c - (shift.unstretched_k + shift.per_phase_k * self.phase)
 
     def _move(self, shift: _Shift, v0: float, temperature_c: float, rising: bool) -> None:
@@ -133,7 +133,7 @@ class LoadedTransformation:
     def _moved_against_spring(self, shift: _Shift, v0: float, temperature_c: float, rising: bool) -> Any:
         """Return the hysteresis state in equilibrium with the spring at `temperature_c`.
 
-        `v0` is the input before. Newton's method finds the equilibrium between two bounds.
+        `v0` is the input before the move. Newton's method, kept between two bounds, finds the equilibrium.
         """
         hysteresis = self._hysteresis
         bounds = sorted((v0, temperature_c - (shift.unstretched_k + shift.per_phase_k * self.phase)))
@@ -156,13 +156,17 @@ def _hysteresis(transformation: Transformation) -> Hysteresis[Any]:
 
 
 class _Shift(NamedTuple):
-    """The shift of a branch under stress: in K for the cold wire, and the further K per unit of austenite fraction."""
+    """The shift of a branch under stress, in K.
+
+    unstretched_k   shift at the austenite fraction 0
+    per_phase_k     further shift per unit of austenite fraction
+    """
 
     unstretched_k: float
     per_phase_k: float
 
     def by(self, further_k: float) -> _Shift:
-        """Return the shift under a load that shifts the branch by `further_k`, K, in addition."""
+        """Return the shift after an additional load that shifts the branch by another `further_k`."""
         return self._replace(unstretched_k=self.unstretched_k + further_k)
 
 

@@ -1,4 +1,4 @@
 """The sensors on the wire: lag, noise, quantisation, drift, and sensor faults.
 
-May import physics and config. Registers of devices do not belong here.
+May import physics, config and fault_parameters. Registers of devices do not belong here.
 """

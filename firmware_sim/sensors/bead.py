@@ -1,13 +1,13 @@
 """The bead of the thermocouple between the wire and the air.
 
-The bead touches the wire with the conductance c G, and the air with `AIR` G. The contact c is 1 for a bead that is
-tight on the wire, and nearly 0 for a loose one. The converter is calibrated with a tight bead. So the
-temperature of the bead follows T_b with the time constant τ:
+The thermal conductance from the bead to the wire is c G, and from the bead to the air `AIR` G. The contact c is 1 for a
+bead that is tight on the wire, and nearly 0 for a loose bead. The converter is calibrated with a tight bead. So the
+reading approaches T_b with the time constant τ:
 
     T_b = T_amb + s (T - T_amb)          s = c (1 + AIR)/(c + AIR)          τ = lag · (1 + AIR)/(c + AIR)
 
-T is the temperature of the wire, T_amb that of the air, and `lag` the time constant of the tight bead. A bead that
-comes off therefore becomes slower, and its reading falls towards the temperature of the air.
+T is the temperature of the wire, T_amb the temperature of the air, and `lag` the time constant of the tight bead. A
+bead that comes off therefore becomes slower, and its reading falls towards the temperature of the air.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from firmware_sim.fault_parameters import Positive, Share
 from firmware_sim.physics.ramp import Ramp
 
 AIR = 0.05
-"""Conductance from the bead to the air, divided by that from the tight bead to the wire."""
+"""Conductance from the bead to the air, divided by the conductance from a tight bead to the wire."""
 
 
 class Bead:

@@ -5,7 +5,8 @@
     sense          lose_current, lose_voltage (the device that heats measures NaN)
     hardware       press_estop, silence_sensor_bus, stick_actuator (which a board detects)
 
-Each fault lasts for `for_s` seconds, or until the sensor is mended. A new fault of a sensor ends its previous one.
+Each fault lasts for `for_s` seconds, or until a method ends it: `mend_thermocouple`, `mend_displacement`, `mend_sense`,
+`mend_hardware` or `release_estop`. A new fault of a sensor ends the previous fault of this sensor.
 """
 
 from __future__ import annotations
@@ -28,7 +29,12 @@ HEALTHY = "none"
 
 
 class SensorSample(NamedTuple):
-    """The inputs of a fault: the right reading, the previously shown reading, the temperature of the cold junction."""
+    """The values from which a fault computes a reading.
+
+    right             the right reading
+    previous          the reading that the sensor showed last
+    cold_junction_c   temperature of the cold junction, °C
+    """
 
     right: float
     previous: float
@@ -67,7 +73,7 @@ class SensorFault:
 
 
 class SensorFaults:
-    """The faults of the thermocouple, the displacement sensor, measured current and voltage, and of the hardware."""
+    """The faults of thermocouple, displacement sensor, current measurement, voltage measurement and board hardware."""
 
     def __init__(self, seed: int) -> None:
         """`seed` seeds the spikes."""
@@ -146,7 +152,7 @@ class SensorFaults:
         self.voltage.begin("lost", for_s, lambda _sample, _age_s: nan)
 
     def mend_sense(self) -> None:
-        """Measure current and voltage again."""
+        """End the faults of the measured current and of the measured voltage."""
         self.current.end()
         self.voltage.end()
 
@@ -163,11 +169,11 @@ class SensorFaults:
         self.sensor_bus.begin("silent", for_s)
 
     def stick_actuator(self, for_s: Seconds | None = None) -> None:
-        """The current source of the board does not answer, and keeps its current while it is enabled."""
+        """The current source of the board does not answer. It keeps its set current while its enable line is on."""
         self.actuator.begin("stuck", for_s)
 
     def mend_hardware(self) -> None:
-        """End the faults of sensor bus and current source."""
+        """End the faults of the sensor bus and of the current source. The emergency stop stays pressed."""
         self.sensor_bus.end()
         self.actuator.end()
 

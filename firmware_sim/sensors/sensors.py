@@ -38,18 +38,21 @@ class Sensors:
 
     @property
     def unreadable(self) -> str | None:
-        """The thermocouple fault that the converter detects, "open" or "short". None if it detects no fault.
+        """The thermocouple fault that the converter detects, "open" or "short". None if the converter detects no fault.
 
-        While it detects a fault, the converter shows no value.
+        While the converter detects a fault, it makes no reading: `temperature_c` keeps its last value.
         """
         name = self.faults.thermocouple.name
         return name if name in ("open", "short") else None
 
     @property
     def findings(self) -> list[str]:
-        """The faults that the hardware of a board detects: "open" or "short", "pressed", "silent" and "stuck".
+        """The present faults that the hardware of a board detects, by name.
 
-        The emergency stop is pressed, a sensor does not answer on its bus, or the current source does not answer.
+        open, short   fault of the thermocouple, as in `unreadable`
+        pressed       the emergency stop is pressed
+        silent        a sensor does not answer on its bus
+        stuck         the current source does not answer
         """
         found = [] if self.unreadable is None else [self.unreadable]
         return found + [fault.name for fault in self.faults.hardware if fault.name != HEALTHY]

@@ -1,4 +1,4 @@
-"""Listen addresses, which an option or a sim file gives, and the endpoints that are opened at them."""
+"""Listen addresses, which an option or a sim file gives, and the endpoints at these addresses."""
 
 from __future__ import annotations
 
@@ -45,9 +45,10 @@ def open_endpoint(
 ) -> Endpoint:
     """Open an endpoint at `address` and return it.
 
-    `new_port(numbered)` makes its ports; `numbered` is True for Modbus TCP frames. `settings` are the settings of the
-    serial line. With `line_speed`, replies arrive no faster than the baud rate allows. `log` gets a line when clients
-    are rejected. ConfigError when the endpoint cannot be opened.
+    `new_port(numbered)` makes a port of the endpoint; `numbered` is True for Modbus TCP frames. `settings` are the
+    settings of the serial line. With `line_speed`, replies arrive no faster than the baud rate allows. `log` gets a
+    line when clients are rejected. ConfigError when the endpoint cannot be opened, and for `line_speed` with Modbus
+    TCP.
     """
     if address.kind == "tcp":
         if line_speed:
@@ -60,7 +61,7 @@ def open_endpoint(
 
     def rtu_port() -> Port:
         port = new_port(False)
-        if not line_speed or settings is None or isinstance(port, RawPort):  # a raw port has the speed of its line
+        if not line_speed or settings is None or isinstance(port, RawPort):  # a raw port delays replies
             return port
         return SlowLine(port, settings)
 

@@ -1,9 +1,9 @@
-"""The loop of the served process: it moves bytes between endpoints and a simulation, and advances the time.
+"""The loop of the simulator process: it moves bytes between endpoints and a simulation, and advances the time.
 
-In real time the simulation follows the machine's monotonic clock. In lockstep time a parent process writes the time to
-standard input, in seconds, one number per line. The server writes the line to standard output when the simulation has
-reached this time. So a test or a demo with the real protocol on a real port is repeatable, and runs as fast as the
-machine can compute.
+In real time the simulation follows the machine's monotonic clock. In lockstep time a parent process writes times to the
+standard input of the server, in seconds, one number per line. The server repeats the line on standard output when the
+simulation has reached this time. So a test or a demo with the real protocol on a real port is repeatable, and runs as
+fast as the machine can compute.
 """
 
 from __future__ import annotations
@@ -63,11 +63,11 @@ class Server:
         self._order = 0
 
     def faulty_connection(self, endpoint: Endpoint) -> FaultyConnection:
-        """Return all clients of `endpoint` as one connection, for the faults of the line."""
+        """Return all clients of `endpoint` as one connection, on which the faults of the line act."""
         return _EndpointClients(endpoint, self._do_at)
 
     def run_real(self) -> None:
-        """Follow the monotonic clock, in steps of 10 ms at most, until interrupted."""
+        """Follow the monotonic clock, in steps of 10 ms at most, until KeyboardInterrupt."""
         start_s = time.monotonic() - self._simulation.time_s
         while True:
             next_s = min(self._simulation.time_s + STEP_S, self._agenda[0][0] if self._agenda else math.inf)
@@ -78,7 +78,10 @@ class Server:
                 self._take_request(endpoints[descriptor], descriptor)
 
     def run_lockstep(self) -> None:
-        """Run the simulation to each time that arrives on standard input. Return when standard input ends."""
+        """Run the simulation to each time that arrives on standard input. Return when standard input ends.
+
+        ConfigError for a line that is not a time.
+        """
         buffer = _LineBuffer()
         stdin = sys.stdin.fileno()
         while True:
@@ -121,14 +124,14 @@ class Server:
 
 
 class _EndpointClients:
-    """The clients of one endpoint, for the faults of the line."""
+    """All clients of one endpoint, as one connection on which the faults of the line act."""
 
     def __init__(self, endpoint: Endpoint, do_at: Callable[[float, Callable[[], None]], None]) -> None:
         self._endpoint = endpoint
         self._do_at = do_at
 
     def deliver(self, due_s: float, data: bytes) -> None:
-        """Let `data` arrive at every client that is connected now."""
+        """Let `data` arrive at `due_s` at every client that is connected now."""
         for connection in self._endpoint.connections():
             self._do_at(due_s, partial(connection.send, data))
 

@@ -1,8 +1,8 @@
 """A simulated device on a TCP port: up to `MAX_CLIENTS` clients, each with its own stream of frames.
 
 The endpoint accepts a client beyond this limit and closes the connection at once, so that the client notices the
-rejection. Accepting needs a free file descriptor. So the endpoint keeps one descriptor in reserve, for a process that
-has used all others.
+rejection. Accepting needs a free file descriptor. So the endpoint keeps one descriptor in reserve, for the time when
+the process has no other free descriptor.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class TcpEndpoint:
     """Listens on [HOST:]PORT. Without HOST, only programs on this machine can connect. Port 0 picks a free port."""
 
     def __init__(self, address: str, scheme: str, new_port: Callable[[], Port], log: Callable[[str], None]) -> None:
-        """Listen at `address`. `log` gets a single line, when the first client is rejected.
+        """Listen at `address`. `log` gets a line when a client is rejected for the first time, and no line later.
 
         ConfigError for an address of another form, and when listening at the address fails.
         """
@@ -102,7 +102,7 @@ class TcpEndpoint:
             client.close()
             self._log_once(f"{MAX_CLIENTS} clients are connected, new clients are rejected")
             return
-        with contextlib.suppress(OSError):  # it left before it was accepted
+        with contextlib.suppress(OSError):  # the client left before it was accepted
             self._connections[client.fileno()] = _TcpConnection(client, self._new_port())
 
     def _reject_next(self) -> None:

@@ -1,4 +1,4 @@
-"""Output files: the check of their names, and writing that completes or leaves nothing.
+"""Output files: the check of their names, and writing that either completes or changes nothing.
 
 The ending of an output's name must fit its content, and an output must not be an input of the same command. A log is
 never overwritten, because its measurements cannot be repeated. Models, tables and pages can be made again, so they
@@ -26,7 +26,10 @@ ANOTHER_NAME = "choose another name"
 
 
 def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
-    """Raise DataError when a command that reads `inputs` must not write a file of `kind` to `path`."""
+    """Raise DataError when a command that reads `inputs` must not write a file of `kind` to `path`.
+
+    The reasons are: a wrong ending of the name, `path` is one of the `inputs`, or `path` is an existing record.
+    """
     if not kind.has_ending(path):
         endings = " or ".join(kind.endings)
         raise DataError(f"the name of {kind.what} ends in {endings}", where=path, cure=ANOTHER_NAME)
@@ -38,7 +41,10 @@ def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
 
 
 def unused_record(stem: str, kind: FileKind) -> Path:
-    """Return the first of STEM.h5, STEM-2.h5, STEM-3.h5, … that does not exist in the current folder."""
+    """Return the first of STEM.h5, STEM-2.h5, STEM-3.h5, … that does not exist in the current folder.
+
+    STEM is `stem`; the ending is the first ending of `kind`.
+    """
     names = (f"{stem}{'' if number == 1 else f'-{number}'}{kind.endings[0]}" for number in count(1))
     return next(Path(name) for name in names if not os.path.lexists(name))
 
@@ -92,7 +98,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def _replaceable(path: Path) -> os.stat_result | None:
-    """Return the status of the file at `path`, None without a file. DataError when the file may not be replaced."""
+    """Return the status of the file at `path`, or None if there is no file. DataError if it may not be replaced."""
     try:
         found = path.stat()
     except FileNotFoundError:

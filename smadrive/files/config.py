@@ -1,4 +1,4 @@
-"""Loading of TOML files as typed sections: rigs, wires, profiles and simulated devices."""
+"""Loading of TOML files as typed sections: rigs, wires, profiles, simulated devices, fault scripts and campaigns."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MOST_WHOLE = 1 << 63
 
 
 class Section(BaseModel):
-    """A table of a config file. It is immutable, and an unknown key is an error.
+    """A table of a config file. A Section object is immutable, and an unknown key is an error.
 
     pydantic builds the validator of a section at its first use, so a command that reads few sections starts sooner.
     """
@@ -55,7 +55,7 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 def read_toml(path: Path) -> dict[str, Any]:
     """Return the tables of a TOML file.
 
-    ConfigError when the file is missing, unreadable, not regular or not valid TOML.
+    ConfigError when the file is missing, unreadable, not a regular file or not valid TOML.
     """
     try:
         return parse_toml(read_config_text(path))
@@ -64,7 +64,10 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def read_config_text(path: Path) -> str:
-    """Return the text of a config file. ConfigError when the file is missing, unreadable, not regular or not text."""
+    """Return the text of a config file.
+
+    ConfigError when the file is missing, unreadable, not a regular file or not text in UTF-8.
+    """
     check_regular(path, ConfigError)
     try:
         return path.read_text(encoding="utf-8-sig")
@@ -90,15 +93,15 @@ def invalid_toml(error: ValueError | RecursionError, path: Path) -> ConfigError:
 def load_config(path: Path, kind: type[ConfigT]) -> ConfigT:
     """Return the content of the file as an object of `kind`, a subclass of Section.
 
-    ConfigError names file, key, value and cure in one line.
+    ConfigError when the file is missing or wrong; the error names file, key, value and cure in one line.
     """
     return validate(read_toml(path), kind, where=str(path))
 
 
 def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT:
-    """Return `tables` as an object of `kind`, a subclass of Section. ConfigError describes the problem in one line.
+    """Return `tables` as an object of `kind`, a subclass of Section.
 
-    The error names `where`, and describes the problems as `config_problems` does.
+    ConfigError for wrong tables. The error begins with `where`; `config_problems` describes all problems in one line.
     """
     try:
         return kind.model_validate(tables)

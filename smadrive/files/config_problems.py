@@ -12,7 +12,7 @@ from smadrive.files.number_text import shortened
 from smadrive.files.spelling import suggestion, suggestion_or_list
 
 MOST_DESCRIBED = 6
-"""A line describes at most this number of different problems."""
+"""The largest number of different problems that a line describes."""
 
 _UNKNOWN, _MISSING = "extra_forbidden", "missing"
 """pydantic's names of these two types of problems."""
@@ -20,10 +20,10 @@ _UNKNOWN, _MISSING = "extra_forbidden", "missing"
 _ENTRY = re.compile(r"\]\] \d+$")
 
 COPIED = "copy this part from a complete file (`smadrive list` names them)"
-"""The cure for a missing key, unless its section has another one as `source_of_keys`."""
+"""The cure for a missing key, unless the section has another cure as `source_of_keys`."""
 
 _LIST = {"tuple_type", "list_type"}
-"""pydantic's names of a value that should be a list."""
+"""pydantic's names of the problem that a value should be a list."""
 
 _CURES = {
     "greater_than": "write a number greater than {gt:g}",
@@ -41,8 +41,8 @@ def config_problems(problems: list[dict[str, Any]], kind: type[BaseModel]) -> st
     """Return one line that describes the problems that pydantic found in a section of the class `kind`.
 
     Unknown keys come first, then missing keys, then wrong values. A misspelled key also makes the correct key missing;
-    the correct key is then not named as missing. The line describes `MOST_DESCRIBED` messages, and ends with the number
-    of the others.
+    the correct key is then not named as missing. Keys with the same problem share one message. The line has at most
+    `MOST_DESCRIBED` messages; if there are more, it ends with the number of the messages that were left out.
     """
     unknown = [problem for problem in problems if problem["type"] == _UNKNOWN]
     missing = [problem for problem in problems if problem["type"] == _MISSING and not _is_misspelled(problem, unknown)]
@@ -56,7 +56,7 @@ def config_problems(problems: list[dict[str, Any]], kind: type[BaseModel]) -> st
 
 
 def _is_misspelled(missing: dict[str, Any], unknown: Iterable[dict[str, Any]]) -> bool:
-    """Return True if an unknown key of the same table is near the missing key."""
+    """Return True if the spelling of an unknown key of the same table is similar to the missing key."""
     *place, key = missing["loc"]
     typed = (problem["loc"] for problem in unknown)
     return any([*table] == place and suggestion(str(name), [str(key)]) for *table, name in typed)

@@ -23,14 +23,14 @@ from smadrive.files.spelling import NO_TEXT, NO_TEXT_CURE, missing_file_cure, su
 Array = NDArray[np.float64]
 
 OTHER_SEPARATORS = (";", "\t")
-"""The separators of spreadsheets in languages with a decimal comma."""
+"""Separators that spreadsheets write instead of commas, in languages with a decimal comma."""
 
 
 LARGEST = 1e12
-"""Largest magnitude of a number in a table. Samples in usual units are smaller; squares of huge numbers overflow."""
+"""Largest absolute value of a number in a table. Samples in usual units are smaller; huge squares would overflow."""
 
 MOST_BYTES = 1 << 29
-"""Largest size of a file in bytes: ten days at 20 Hz with three columns. In memory a table is ten times as large."""
+"""Largest size of a file in bytes: ten days at 20 Hz with three columns. In memory the table is ten times larger."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,11 @@ class Table:
     lines: list[int] = field(repr=False)
 
     def column(self, name: str) -> Array:
-        """Return the column `name` as float64. DataError names the line of a cell that is not a finite number."""
+        """Return the column `name` as float64.
+
+        DataError when the column is missing, or when a cell is not a finite number or exceeds `LARGEST`. For a cell,
+        the error names the line.
+        """
         if name not in self.cells:
             cure = _other_unit(name, self.cells) or suggestion_or_list(name, self.cells)
             raise DataError(f"no column '{name}'", where=self.path, cure=cure)
@@ -71,7 +75,7 @@ class Table:
 
 
 def _other_unit(name: str, names: Iterable[str]) -> str:
-    """Return the cure if one of the `names` is `name` with another unit, such as time_ms; otherwise ""."""
+    """Return the cure if one of the `names` is `name` with another unit, as time_ms and time_s; otherwise ""."""
     quantity, _, unit = name.rpartition("_")
     other = next((one for one in names if quantity and one.rpartition("_")[0] == quantity), None)
     return "" if other is None else f"convert the column '{other}' to {unit}, and rename it to '{name}'"
@@ -80,8 +84,9 @@ def _other_unit(name: str, names: Iterable[str]) -> str:
 def read_table(path: Path) -> Table:
     """Read the CSV file at `path`.
 
-    DataError when the file is missing, unreadable, too large, without samples or of another kind, when a line and the
-    header differ in their number of cells, when the separator is not a comma, or when two columns have the same name.
+    DataError when the file is missing, unreadable, too large, without samples or of another kind. DataError also when
+    the separator is not a comma, when the header holds numbers, when a line and the header differ in their number of
+    cells, or when two columns have the same name.
     """
     check_kind(path, TABLE)
     rows = _rows(path)

@@ -12,7 +12,7 @@ CURE = "give a model file, which `smadrive identify` or save_model writes"
 
 
 class Fields:
-    """A JSON object and its place in the file. Every ModelError of this class names file and key."""
+    """A JSON object, and its place: the file and the key that contain it. Every ModelError names this place."""
 
     def __init__(self, place: str, document: Any) -> None:
         """Take a JSON object; errors name `place`. ModelError when `document` is not an object."""
@@ -56,5 +56,5 @@ class Fields:
 
 
 def _is_finite(value: Any) -> bool:
-    """Return True if a JSON value is a number within the range of a float. JSON integers may be larger."""
+    """Return True if a JSON value is a finite number in the range of a float. An integer in JSON may be larger."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max

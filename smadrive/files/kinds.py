@@ -1,9 +1,9 @@
-"""The kinds of files: how each kind is recognized, named in messages and written.
+"""The kinds of files: how each kind is recognized, and what messages call it.
 
-An error about a file of the wrong kind names the kind that was found. A TOML file is recognized by keys that only the
-files of its kind have, a model by the keys of its JSON, any other file by its first bytes. A damaged file may have no
-known kind; the function that reads this file then reports the damage. Only regular files are opened, because reading a
-pipe would wait for a writer, and a device may never end.
+An error about a file of the wrong kind names the kind that was found. A TOML file is recognized by keys that only files
+of this kind have, a model by the keys of the JSON object, any other file by the beginning of its content. A damaged
+file may have no known kind; the function that reads this file then reports the damage. Only regular files are opened:
+reading a pipe would wait for a writer, and reading a device may never end.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from smadrive.files.number_text import parse_number, shortened
 from smadrive.files.toml.parsing import parse_toml
 
 HEAD_BYTES = 1 << 20
-"""The number of bytes of a file that are examined. Every config and every model is smaller."""
+"""The number of bytes at the beginning of a file that are examined. Every config and every model is smaller."""
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
@@ -97,7 +97,7 @@ def irregular_kind(status: os.stat_result) -> str | None:
 
 
 def check_regular(path: Path, error: type[ConfigError | DataError | ModelError]) -> None:
-    """Raise `error` when `path` is not a regular file. A missing file passes: the reader of the file reports it."""
+    """Raise `error` when `path` is not a regular file. A missing file is no error here: opening it raises an error."""
     try:
         kind = irregular_kind(path.stat())
     except OSError:
@@ -111,7 +111,8 @@ def check_regular(path: Path, error: type[ConfigError | DataError | ModelError])
 def check_kind(path: Path, expected: FileKind, cure: str = "") -> None:
     """Raise an error when the file is not of the `expected` kind, or not a regular file.
 
-    The error has the type and the cure of `expected`, unless `cure` is given. A file of unknown kind passes.
+    The error has the type `expected.error`, and the cure `cure` or else `expected.cure`. A file of unknown kind is no
+    error.
     """
     check_regular(path, expected.error)
     found = _kind_of(path, expected)

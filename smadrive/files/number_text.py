@@ -1,6 +1,7 @@
 """Parsing of numbers in the usual forms.
 
-Python's own `float` and `int` also accept `2_0`, digits of other scripts and very long texts.
+Python's own `float` and `int` also accept `2_0`, digits of other scripts and very long texts. The functions here reject
+such texts.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import re
 
 MOST_DIGITS = 400
-"""The largest number of characters in the text of a number. No float needs so many."""
+"""The largest number of characters in the text of a number. No float needs more."""
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+", re.ASCII)
@@ -30,13 +31,13 @@ def is_number(text: str) -> bool:
 
 
 def parse_whole(text: str) -> int:
-    """Return the whole number in `text`, decimal or hexadecimal as 0x8000. ValueError for any other text."""
+    """Return the whole number in `text`, which is decimal or hexadecimal (0x8000). ValueError for any other text."""
     digits = _checked(text, _WHOLE)
     return int(digits, 16 if "x" in digits.lower() else 10)
 
 
 def with_decimal_point(text: str) -> str | None:
-    """Return the number in `text` with a decimal point. None if `text` is not a number with a decimal comma."""
+    """Return `text` with a decimal point instead of the decimal comma. None for any other text, such as `1.5`."""
     return text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else None
 
 
@@ -57,6 +58,9 @@ def shortened(value: object, most: int = 60) -> str:
 
 
 def distinct(value: float, other: float) -> str:
-    """Return `value` with three significant digits, or with as many as distinguish it from `other`."""
+    """Return the text of `value` with three significant digits, or with more if `other` would look the same.
+
+    If both values are equal, the text has up to six significant digits.
+    """
     digits = next((n for n in range(3, 17) if f"{value:.{n}g}" != f"{other:.{n}g}"), 17)
     return f"{value:.{digits}g}" if value != other else f"{value:g}"

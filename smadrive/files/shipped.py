@@ -1,4 +1,4 @@
-"""The files that ship with smadrive: device profiles, wires, rigs, simulated devices, campaigns."""
+"""The files that ship with smadrive: rigs, wires, device profiles, simulated wires and campaigns."""
 
 from __future__ import annotations
 
@@ -73,7 +73,10 @@ def config_file(name: str | Path, expected: FileKind) -> Path:
 
 
 def _check_not_a_shipped_name(path: Path, shipped: dict[str, Path]) -> None:
-    """Raise ConfigError if `path` does not exist, and its name without the ending is near a shipped name."""
+    """Raise ConfigError if `path` does not exist, and its name without .toml is similar to a shipped name.
+
+    Do nothing for a path with a folder, and if a file in the current folder has a similar name.
+    """
     if path.name != str(path) or path.exists() or suggested_file(path):
         return
     if (near := nearest_name(path.stem, shipped)) is not None:
@@ -82,7 +85,7 @@ def _check_not_a_shipped_name(path: Path, shipped: dict[str, Path]) -> None:
 
 
 def _hint(name: str, shipped: dict[str, Path]) -> str:
-    """Return a hint about shipped files of other kinds with this name, or else a spelling suggestion."""
+    """Return a hint if shipped files of other kinds have this name, otherwise a spelling suggestion."""
     others = " and ".join(kind.what for kind in CONFIGS if name in _shipped(kind.folder))
     return f"it is the name of {others}: give one of this list" if others else _near(name, shipped)
 

@@ -1,4 +1,4 @@
-"""Spelling suggestions for an unknown name: the nearest known name, or the list of all names."""
+"""Spelling suggestions for an unknown name: the most similar known name, or the list of all known names."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from pathlib import Path
 
 NO_TEXT = "is not a text file (UTF-8)"
 NO_TEXT_CURE = "check that it is the file you mean, and save it as plain text in UTF-8"
-"""The error of a file with bytes that are no text, and its cure."""
+"""What an error says about a file that is not text, and the cure."""
 
 
 NEAR = 0.6
-"""Least similarity of a suggested name: the letters in common, as a share of all letters of both names."""
+"""Least similarity of a suggested name: 2 · common letters / all letters of both names, as `difflib` counts them."""
 
 
 def nearest_name(name: str, names: Iterable[str]) -> str | None:
-    """Return the name that is nearest to `name`, or None if no name is near."""
+    """Return that one of `names` with the spelling most similar to `name`; None if no name is similar."""
     return next(iter(difflib.get_close_matches(name, sorted(names), n=1, cutoff=NEAR)), None)
 
 
 def suggestion(name: str, names: Iterable[str]) -> str:
-    """Return the question `did you mean 'x'?`, x being the name nearest to `name`; "" if no name is near."""
+    """Return the question `did you mean 'x'?`, x being the name most similar to `name`; "" if no name is similar."""
     near = nearest_name(name, names)
     return "" if near is None else f"did you mean '{near}'?"
 
@@ -34,9 +34,10 @@ def suggestion_or_list(name: str, names: Iterable[str]) -> str:
 
 
 def suggested_file(path: Path) -> str:
-    """Return `did you mean 'x'?`; x is the file of the same folder and ending with the nearest name.
+    """Return `did you mean 'x'?`; x is the file with the most similar name in the same folder.
 
-    The result is "" if no name is near. The equal endings do not count, because they make all names similar.
+    Only files with the same ending are compared, and only by their names without this ending. The result is "" if no
+    name is similar.
     """
     stems: list[str] = []
     with suppress(OSError, ValueError):

@@ -1,6 +1,6 @@
-"""Write the image of a new board's EEPROM: calibration constants 1 and 0 at address 0, serial number at address 16.
+"""Writes the content of a new board's EEPROM to FILE: python3 eeprom.py SERIAL FILE
 
-python3 eeprom.py SERIAL FILE
+The calibration record is at address 0, with gains of 1 and offsets of 0. The serial number is at address 16.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ SERIAL_AT = 16
 
 
 def sealed(record: bytes) -> bytes:
-    """Return the record with its CRC-16 of Modbus, low byte first."""
+    """Return `record`, followed by the CRC-16 of Modbus over it, low byte first."""
     crc = 0xFFFF
     for byte in record:
         crc ^= byte
@@ -24,7 +24,7 @@ def sealed(record: bytes) -> bytes:
 
 
 def image(serial_number: int) -> bytes:
-    """Return the first bytes of the EEPROM."""
+    """Return the first 22 bytes of the EEPROM: the calibration record, two unused bytes, and the serial number."""
     return sealed(CALIBRATION).ljust(SERIAL_AT, b"\xff") + sealed(struct.pack("<I", serial_number))
 
 

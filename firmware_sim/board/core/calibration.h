@@ -1,4 +1,4 @@
-/* The calibration constants, registers 64 to 70. docs/sma-reference.md, "Calibration".
+/* The calibration constants, registers 64 to 69. docs/sma-reference.md, "Calibration".
  *
  *   measured = reading * gain / 16384 + offset        output of the DAC = set current * gain / 16384 + offset
  *

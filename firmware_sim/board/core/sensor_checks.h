@@ -7,7 +7,7 @@
 /* The faults that the last readings show without a debounce. */
 uint16_t sensor_causes(const struct board_state *state);
 
-/* The faults of the heater current, after their debounce. `elapsed_ms` is the time since the check before. */
+/* The faults of the heater current, after their debounce. `elapsed_ms` is the time since the previous check. */
 uint16_t current_causes(struct board_state *state, uint32_t elapsed_ms);
 
 #endif

@@ -1,4 +1,4 @@
 """The firmware of the ATmega328P on an emulated microcontroller, as the firmware of a simulated device.
 
-May import what firmware_sim.board may. The emulator itself is written in C, in `chips/`.
+This package may import the same packages as firmware_sim.board. The emulator itself is written in C, in `chips/`.
 """

@@ -39,7 +39,7 @@ class World(ctypes.Structure):
 
 
 class Probes(ctypes.Structure):
-    """Figures of the emulator, in cycles: `struct emulator_probes`."""
+    """Times in cycles, and numbers of events, that the emulator measures: `struct emulator_probes`."""
 
     _fields_ = (
         *_fields("safety_longest safety_count safety_latency_min safety_latency_max off_longest", c_uint64),
@@ -48,7 +48,7 @@ class Probes(ctypes.Structure):
 
 
 class SentByte(ctypes.Structure):
-    """A byte that the board has sent, and when it was complete: `struct emulator_byte`."""
+    """A byte that the board has sent, and the cycle in which it was complete: `struct emulator_byte`."""
 
     _fields_ = (("cycle", c_uint64), ("value", c_uint8))
 

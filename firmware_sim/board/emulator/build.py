@@ -1,4 +1,4 @@
-"""The emulator and the firmware, which are built when they are needed, and the ranges of the board."""
+"""Builds the emulator and the firmware when they are needed, and reads the current ranges of the board."""
 
 from __future__ import annotations
 
@@ -22,13 +22,18 @@ _DEFINE = re.compile(r"^#define (\w+) (\d+)u", re.MULTILINE)
 
 
 def missing_tools() -> list[str]:
-    """Return the programs and headers that building the emulator and the firmware needs and this computer lacks."""
+    """Return the missing programs and headers, of those that the build of the emulator and the firmware needs."""
     lacking = [tool for tool in TOOLS if shutil.which(tool) is None]
     return lacking + [str(header) for header in (*HEADERS, AVR_HEADER) if not header.exists()]
 
 
 class Range(NamedTuple):
-    """A range of currents of the board: a file in `atmega328p/ranges`."""
+    """A current range of the board, read from a file in `atmega328p/ranges`.
+
+    supply_limit_a   highest set current
+    full_scale_a     current of the sink at the DAC code 4096
+    shunt_ohm        shunt of the meter at the upper end of the wire
+    """
 
     name: str
     supply_limit_a: float
@@ -37,7 +42,7 @@ class Range(NamedTuple):
 
 
 def ranges() -> list[Range]:
-    """Return the ranges of the board, the smallest first."""
+    """Return the current ranges of the board, the smallest first."""
     found = [_range_of(path) for path in (TARGET / "ranges").glob("*.h")]
     return sorted(found, key=lambda one: one.supply_limit_a)
 
@@ -66,7 +71,7 @@ def _range_of(path: Path) -> Range:
 def _check_tools() -> None:
     if missing := missing_tools():
         raise ConfigError(
-            "the emulated board needs programs that are not installed",
+            "the emulated board needs programs or headers that are not installed",
             value=", ".join(missing),
             cure=f"apt-get install {PACKAGES}",
         )
@@ -77,14 +82,15 @@ FIRMWARE = Product("board.elf", "the emulated board", TARGET, (TARGET, TARGET / 
 
 
 def emulator_library() -> Path:
-    """Return the shared library of the emulator, which is built if necessary. ConfigError if that fails."""
+    """Return the path of the emulator's shared library. Build it first if necessary. ConfigError if that fails."""
     return built(EMULATOR)
 
 
 def firmware_file(board: Board, *, hang_hook: bool = False) -> Path:
-    """Return the firmware for this board as an ELF file, which is built if necessary. ConfigError if that fails.
+    """Return the path of the firmware for this board, an ELF file. Build it first if necessary.
 
-    With `hang_hook` the main loop hangs while the register GPIOR0 is not zero.
+    With `hang_hook` the main loop hangs while the register GPIOR0 is not zero. ConfigError if no current range is large
+    enough, or the build fails.
     """
     counts = {
         "SUPPLY_LIMIT": round(board.supply_limit_a * 1e4),

@@ -1,8 +1,9 @@
 """The emulated board on a simulated bench: the wire and its sensors at the pins and chips of the microcontroller.
 
-The board sees what a board on the desk would see: the temperature of the bead in the converter's own conversions,
-the current as the voltage of a shunt, the voltages at both ends of the wire, and a contact that opens when the
-emergency stop is pressed. The supply of the wire is a little higher than the voltage of the highest current.
+The emulated chips measure the readings of `Sensors`, as the chips of a real board measure the wire: the temperature at
+the thermocouple, the current as the voltage of a shunt, and the voltages at both ends of the wire. A contact opens when
+the emergency stop is pressed. The highest current needs a certain voltage at the cold wire. The supply of the wire has
+1.1 times this voltage plus 1 V.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from firmware_sim.config import SimConfig
 from firmware_sim.sensors.sensors import Sensors
 
 BOOT_S = 0.5
-"""The board has got its supply this long before the simulation begins, so it answers from the beginning."""
+"""The board is powered up this long before the simulation begins, so it answers from the beginning."""
 SUPPLY_MARGIN = 1.1
 SUPPLY_DROP_V = 1.0
 DISPLACEMENT_V_PER_MM = 1.1 / 1024 / 0.022
-"""A step of the analogue input, 1.1 V / 1024, is 0.022 mm."""
+"""A step of the analogue input, 1.1 V / 1024, stands for 0.022 mm."""
 _CONVERTER = {"open": Converter.OPEN, "short": Converter.SHORT, "stopped": Converter.STOPPED}
 
 
@@ -61,7 +62,7 @@ class EmulatedFirmware:
 
     @property
     def current_a(self) -> float:
-        """The set current of the sink."""
+        """The set current of the sink, A; 0 while the enable line of the sink is low."""
         return self.chip.sink_a
 
     def restart(self) -> None:
@@ -70,7 +71,10 @@ class EmulatedFirmware:
         self._note_changes()
 
     def tick(self, dt_s: float) -> None:
-        """Run for `dt_s`. Nothing happens if the board is ahead because it has answered a request."""
+        """Move the simulation by `dt_s`, and run the board until the same time.
+
+        After a request the board may already be ahead of this time. Then it executes nothing.
+        """
         self._time_s += dt_s
         self._show()
         self.chip.run_until(self._start_cycle + round(self._time_s * HZ))

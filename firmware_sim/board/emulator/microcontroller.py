@@ -1,7 +1,7 @@
 """An emulated ATmega328P with its program, and the chips of the board around it.
 
-The caller moves the time, in cycles of 62.5 ns, and writes what the chips see into `world`. The faults of the hardware
-are fields of `world` and the methods `reset`, `power_cycle` and `hang`.
+The caller moves the time, in cycles of 62.5 ns, and writes the inputs of the pins and chips into `world`. A fault of
+the hardware is a field of `world`, or one of the methods `reset` and `hang`.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _MOST_BYTES = 4096
 
 
 class Converter(IntEnum):
-    """The state of the thermocouple converter."""
+    """The state of the thermocouple converter, for the field `converter` of `World`."""
 
     GOOD = 0
     OPEN = 1
@@ -32,7 +32,7 @@ class Converter(IntEnum):
 
 
 class Stuck(IntEnum):
-    """The line of the I2C bus that is stuck low."""
+    """The line of the I2C bus that is stuck low, for the field `stuck` of `World`."""
 
     NONE = 0
     SDA = 1
@@ -79,7 +79,7 @@ class Microcontroller:
 
     @property
     def sink_a(self) -> float:
-        """The set current of the sink; 0 while its enable line is low."""
+        """The set current of the sink, A; 0 while the enable line of the sink is low."""
         return float(self._library.emulator_sink_a(self._emulator))
 
     def run_until(self, cycle: int) -> None:
@@ -96,11 +96,14 @@ class Microcontroller:
         self._check(self._library.emulator_step(self._emulator, instructions))
 
     def reset(self, cause: Reset = Reset.LINE) -> None:
-        """Reset the microcontroller; with `Reset.POWER` the other chips too."""
+        """Reset the microcontroller. `Reset.POWER` also resets the other chips, and gives the RAM a random content."""
         self._library.emulator_reset(self._emulator, cause)
 
     def hang(self, *, hangs: bool = True) -> None:
-        """Let the main loop hang. Only a program that was built with the hook does."""
+        """Let the main loop hang, or run again with `hangs=False`.
+
+        This has an effect only on a program that `firmware_file` has built with `hang_hook`.
+        """
         self._ram[_GPIOR0] = hangs
 
     def send(self, data: bytes) -> None:

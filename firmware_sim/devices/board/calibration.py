@@ -1,8 +1,9 @@
-"""The calibration constants of a board, and the record of them in its storage (docs/sma-reference.md, Calibration).
+"""The calibration of a board: six constants, and the record that stores them (docs/sma-reference.md, Calibration).
 
     measured = reading · gain / 16384 + offset        output of the source = set current · gain / 16384 + offset
 
-Results are rounded down and kept within 0 to 65535. The record holds the six constants and a checksum over them.
+All values are counts. Results are rounded down and kept within 0 to 65535. A set current of 0 always gives an output of
+0. The record holds the six constants and a checksum over them.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ class Correction(NamedTuple):
     offset: int = 0
 
     def applied(self, count: int) -> int:
-        """Return the corrected count."""
+        """Return the count of a reading or of a set current after the correction."""
         return min(max((count * self.gain >> 14) + self.offset, 0), 0xFFFF)
 
 
@@ -52,12 +53,15 @@ class BoardCalibration(NamedTuple):
         return cls(Correction(*words[0:2]), Correction(*words[2:4]), Correction(*words[4:6]))
 
     def changed(self, role: str, value: int) -> BoardCalibration:
-        """Return the calibration with another constant; `role` is the role of its register."""
+        """Return the calibration with one constant set to `value`, in counts.
+
+        `role` is the role of its register, such as `current_gain`.
+        """
         part, _, constant = role.partition("_")
         correction: Correction = getattr(self, part)
         return self._replace(**{part: correction._replace(**{constant: value})})
 
     def constant(self, role: str) -> int:
-        """Return the constant whose register has this role."""
+        """Return the constant whose register has this role, in counts."""
         part, _, constant = role.partition("_")
         return int(getattr(getattr(self, part), constant))

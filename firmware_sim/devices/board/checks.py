@@ -1,6 +1,7 @@
 """The checks of a board: faults of its sensors and of the heater current, and the limits (docs/sma-reference.md).
 
-All numbers are counts of the registers: 0.01 °C, 0.1 mA, and 0.1 °C for `temperature_max`. Times are in ms.
+All values are counts of the registers: temperatures in 0.01 °C, `temperature_max` in 0.1 °C, currents in 0.1 mA. Times
+are in ms.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ DEBOUNCE_MS = 30
 COLD_JUNCTION = range(-2000, 8501)
 CURRENT_MARGIN = 500
 PER_LIMIT = 10
-"""Counts of a temperature for one count of `temperature_max`."""
+"""Factor from the counts of `temperature_max` (0.1 °C) to the counts of a temperature (0.01 °C)."""
 
 
 class BoardLimit(IntFlag):
@@ -26,7 +27,7 @@ class BoardLimit(IntFlag):
 
 
 def sensor_faults(readings: BoardReadings, temperature_max: int) -> int:
-    """Return the faults that the readings show without a debounce."""
+    """Return the bits of the faults that one set of readings shows. They need no debounce."""
     faults = readings.detected
     if readings.temperature >= temperature_max * PER_LIMIT:
         faults |= BoardFault.OVER_TEMPERATURE.value
@@ -36,9 +37,10 @@ def sensor_faults(readings: BoardReadings, temperature_max: int) -> int:
 
 
 class CurrentCheck:
-    """Compares the measured current with the set current, debounced.
+    """Compares the measured current with the set current. A fault needs wrong values for 30 ms (debounce).
 
-    More current than set means a shorted switch, less than half the set current a broken wire.
+    over_current   measured current > 1.1 · set current + 50 mA: a shorted switch
+    heater_open    measured current < half the set current, with a set current > 50 mA: a broken wire
     """
 
     def __init__(self) -> None:
@@ -49,7 +51,7 @@ class CurrentCheck:
         self._wrong_ms = 0
 
     def faults(self, measured: int, set_current: int, elapsed_ms: int) -> int:
-        """Return the fault of the current, `elapsed_ms` after the check before."""
+        """Return the bit of the fault, 0 without a fault. `elapsed_ms` is the time since the previous check."""
         excess = 10 * measured > 11 * set_current + 10 * CURRENT_MARGIN
         lack = set_current > CURRENT_MARGIN and 2 * measured < set_current
         self._wrong_ms = self._wrong_ms + elapsed_ms if excess or lack else 0
@@ -59,7 +61,7 @@ class CurrentCheck:
 
 
 def temperature_limit(temperature: int, temperature_max: int, current_max: int) -> int | None:
-    """Return the highest current at this temperature, or None if the temperature does not limit it.
+    """Return the highest current at this temperature, or None if the temperature does not limit the current.
 
     The limit falls from `current_max` to 0 over the last 5 °C below `temperature_max`. It is 0 without a valid
     temperature.

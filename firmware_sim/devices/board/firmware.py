@@ -47,10 +47,11 @@ class BoardState(IntEnum):
 class BoardFirmware:
     """Reads `sensors` and sets `current_a`. `log_event` gets one line per event, without the time.
 
-    `map_version` is 1 or 2. `storage` holds the calibration record, and survives a restart.
+    `map_version` is 1 or 2. `storage` holds the calibration record, and survives a restart. `seed` determines the
+    random starts of the sequence.
     """
 
-    voltage_max_v = inf  # a current source: the board's limits are all in amperes
+    voltage_max_v = inf  # a current source: the board does not limit the voltage
 
     def __init__(
         self, board: Board, sensors: Sensors, log_event: Callable[[str], None], map_version: int = 2, seed: int = 0

@@ -1,6 +1,6 @@
 """The readings of a board from its sensors, in the counts of its registers (docs/sma-reference.md).
 
-Every implementation of the board judges these counts, so all of them judge the numbers that a host reads.
+The board in Python and the C core on this computer get the same counts, so their registers can agree to the last bit.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ NO_TEMPERATURE = -0x8000
 AMPERE, VOLT, DEGREE, MILLIMETRE = 10_000, 1_000, 100, 10_000
 """Counts of the registers for 1 A, 1 V, 1 °C and 1 mm."""
 COUNT_C, COUNT_A, COUNT_V = 0.01, 0.0001, 0.001
-"""One count of the registers. A reading is divided by it and rounded, as with the scale of a profile."""
+"""One count of the registers in °C, A and V. A reading in counts is value / count, rounded as in a profile's codec."""
 
 
 class BoardFault(IntFlag):
@@ -41,11 +41,11 @@ DETECTED = {
     "silent": BoardFault.SENSOR_BUS,
     "stuck": BoardFault.ACTUATOR,
 }
-"""The fault for each finding of the hardware."""
+"""The fault for each finding in `Sensors.findings`."""
 
 
 class BoardReadings(NamedTuple):
-    """The readings of one check. `detected` are the faults that the hardware detects by itself."""
+    """The readings for one check, in counts. `detected` has the bits of the faults that the hardware itself detects."""
 
     temperature: int
     cold_junction: int
@@ -56,7 +56,7 @@ class BoardReadings(NamedTuple):
 
 
 def board_readings(sensors: Sensors) -> BoardReadings:
-    """Return the present readings of a board. A current or a voltage that is not a number is read as 0."""
+    """Return the present readings of a board, before its calibration. A current or voltage of NaN becomes 0."""
     detected = 0
     for finding in sensors.findings:
         detected |= DETECTED[finding].value

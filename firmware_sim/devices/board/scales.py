@@ -1,4 +1,4 @@
-"""Counts of the registers that a host writes, by role; start of the sequence (docs/sma-reference.md, Map)."""
+"""Scales of the registers that a host writes, and the first sequence number (docs/sma-reference.md, Map)."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ SCALES = {
     "source_gain": GAIN_ONE,
     "source_offset": AMPERE,
 }
-"""Counts for one unit of a role that can be written; without an entry, 1."""
+"""Counts for one unit of a quantity, by the role of its register."""
 SETTINGS = ("watchdog_s", "temperature_max", "current_max")
 CONSTANTS = tuple(role for role in SCALES if role.endswith(("_gain", "_offset")))
 
 
 def sequence_start(random: Random) -> int:
-    """Return a random number with which the sequence of a board may start."""
+    """Return a random first sequence number of a board, from 256 to 65535."""
     start = random.getrandbits(16)
     return start if start >= SEQUENCE_MIN else start + SEQUENCE_MIN
 
 
 def count_of(role: str, value: float) -> int:
-    """Return the count of the register with this role that stands for `value`."""
+    """Return `value` in counts of the register with this role. KeyError for a role without a scale."""
     return round(value * SCALES[role])

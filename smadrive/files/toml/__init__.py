@@ -1,4 +1,4 @@
 """TOML texts: parsing with limits on size, frequent mistakes, reading of a text with mistakes.
 
-May import number_text alone of `files`. Paths, sections and their values do not belong here.
+Of the modules of `files` it may import only number_text. Paths, sections and their values do not belong here.
 """

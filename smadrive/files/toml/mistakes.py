@@ -1,7 +1,8 @@
-"""Frequent mistakes in a TOML file: a decimal comma, a missing quote, a text without quotes, a date, a key given twice.
+"""Frequent mistakes in a TOML file, which get an error of their own.
 
-The parser names the place of a mistake and the rule of the format that is broken. The user needs the value and the
-cure.
+They are: a decimal comma, a missing quote, a text without quotes, a date in another form, True or False with a capital
+letter, and a key that is given twice. The parser's message names only the line and the broken rule of the format. The
+error here also names the value and the cure.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ _BARE_TEXT = re.compile(r"[^\W\d][^=]*|[./~][^=]*[^\W\d][^=]*")
 class Mistake(NamedTuple):
     """A mistake in a line: what is wrong, the value that was found, and what the user does about it.
 
-    `corrected` is the line that the user most likely meant.
+    `corrected` is the line that the user most likely meant, or "" if this is unknown.
     """
 
     line: int
@@ -47,10 +48,10 @@ class TomlMistakeError(ValueError):
 
 
 def find_mistake(text: str, message: str) -> Mistake | None:
-    """Return the frequent mistake that caused the parser's `message`, or None if none of them did.
+    """Return the frequent mistake that caused the parser's `message`, or None for another mistake.
 
-    The mistake is sought in the line that the message names. A message without a line is explained by the first line
-    with an open quote.
+    The function examines the line that the message names. If the message names no line, the function examines the first
+    line with a quote that is not closed.
     """
     lines = text.split("\n")
     place = _PLACE.search(message)

@@ -1,8 +1,9 @@
-"""Reads a TOML text with mistakes as far as possible, because a mistake in a file must not keep a heater on.
+"""Reads a TOML text with mistakes as far as possible, so that `smadrive off` works with a rig file that has mistakes.
 
 A line that the parser rejects is replaced by its most likely correction. If there is no correction, or the parser
-rejects it too, the line is left out. A rejected header of a table becomes the header of a table that nothing reads.
-Otherwise the keys below this header would become keys of the table above it.
+rejects the correction too, the line is left out. A rejected header of a table becomes the header of a table that
+nothing reads. Otherwise the keys below this header would become keys of the table above it. A rejected header of a list
+of tables gets its double brackets.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ _HEADER = re.compile(r"\s*\[+\s*([\w.-]+)\s*\]*\s*(?:#.*)?")
 
 
 class Repair(NamedTuple):
-    """A replaced line: its number, the name of the table that it belongs to ("" before the first), and the error."""
+    """A replaced line: its number, the name of its table ("" above the first table), and the parser's error."""
 
     line: int
     table: str
@@ -50,8 +51,8 @@ def repaired_toml(text: str) -> tuple[dict[str, Any], list[Repair]]:
 def _line_of(error: ValueError, lines: list[str]) -> int | None:
     """Return the number of the line that the parser rejects; None if it is unknown.
 
-    For a bracket that is never closed this is the line of the bracket. The parser names a later line, or the end of the
-    text. At the end of the text, the last line that is not empty is taken.
+    If a bracket is never closed, the parser names a later line or the end of the text; the result is then the line of
+    the bracket. For any other error at the end of the text, the result is the last line that is not empty.
     """
     if isinstance(error, TomlMistakeError):
         return error.mistake.line
