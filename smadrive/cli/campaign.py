@@ -95,7 +95,7 @@ def _client(scheduler: str | None, workers: int | None) -> AbstractContextManage
 
 @contextmanager
 def _resumable(journal: Journal, count: int, campaign: str) -> Iterator[None]:
-    """Add to an interruption or error how many runs are done, and the command that executes the others."""
+    """Add a note to an error or interruption in the `with` block: the number of finished runs, and how to go on."""
     try:
         yield
     except BaseException as error:
