@@ -29,7 +29,7 @@ VALUE_UNCERTAINTIES = {"temperature": 0.1, "displacement": 0.01}
 
 
 KNOWN_VALUES = {"temperature": (-100.0, 600.0), "displacement": (-1e4, 1e4)}
-"""The allowed range of known values, in °C and mm. It contains all limits that a rig file may have."""
+"""The allowed range of known values, in °C and mm."""
 
 
 class CalibratedSensor(StrEnum):

@@ -189,7 +189,7 @@ class Run:
         return card(title, self.facts(), self._small_plot(), self.caveats)
 
     def _small_plot(self) -> str:
-        """Return a plot of displacement and setpoint over time; of the temperature without a measured displacement."""
+        """Return a plot of displacement and setpoint over time; of the temperature if no displacement was measured."""
         time_s = self["time_s"].tolist()
         name = "displacement_mm" if np.isfinite(self["displacement_mm"]).any() else "temperature_c"
         curves = [Curve(time_s, self[name].tolist(), "measured", MEASURED)]

@@ -26,7 +26,7 @@ MOST_LEVELS = 24
 """An axis with more values gets no plot: its boxes would be too narrow."""
 
 WIDE_RATIO = 30.0
-"""Values that span more than this factor are shown on a logarithmic axis."""
+"""Positive values whose ratio of largest to smallest is above this factor are shown on a logarithmic axis."""
 
 
 def distribution_plot(table: DataFrame, metric: str) -> Plot:
@@ -58,7 +58,7 @@ def axis_plots(plan: CampaignPlan, table: DataFrame, metric: str) -> Iterator[Pl
 
 
 def sensitivity_plot(found: Sequence[ColumnShare], metric: str) -> Plot:
-    """Return the ranking of the columns by their share of the metric's variance."""
+    """Return the plot of the columns, ranked by their share of the rank variance of the metric."""
     shown = list(reversed(found))
     figure, (ax,) = panels((0.28 * len(shown) + 0.6,))
     ax.barh([one.column for one in shown], [100.0 * one.share for one in shown], color=MEASURED, height=0.6)

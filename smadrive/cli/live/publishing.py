@@ -46,10 +46,7 @@ class RunPublication:
         self._publication = publication
 
     def begin(self, rig: Rig) -> None:
-        """Publish the devices of the open rig. From now on, `off` from the broker stops the run.
-
-        It does so only if the rig file permits it.
-        """
+        """Publish the devices of the open rig. From now on, if the rig file permits it, `off` by MQTT stops the run."""
         if self._feed is not None and self._publication is not None:
             self._feed.begin(rig)
             self._publication.on_off = lambda: rig.stop.request(OFF_BY_MQTT)

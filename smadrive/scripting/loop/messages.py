@@ -20,13 +20,16 @@ from smadrive.runs.log.reader import RunEvent
 from smadrive.wire.identified_wire import IdentifiedWire
 
 REQUEST, INTERRUPT, END, COMMAND = b"R", b"I", b"E", b"C"
-"""The first byte of a message to the loop process: carry out a request, interrupt a request, end the process.
+"""The first byte of a message to the loop process.
 
-COMMAND is for a servo, whose request is still being carried out.
+REQUEST     carry out a request
+INTERRUPT   interrupt the request that is being carried out
+END         end the process
+COMMAND     a command for the servo whose request is being carried out
 """
 
 NUMBER_BYTES = 8
-"""The number of the request follows the first byte, in this many bytes."""
+"""In a REQUEST, the number of the request follows the first byte, in this number of bytes."""
 
 
 @dataclass(frozen=True)
