@@ -40,7 +40,7 @@ class SmaWire:
             wire = SmaWire(rig, smadrive.load_wire("wire.json"), name="wire")
             RE(bp.scan([], wire, 2, 8, 5))
 
-    `settings` are those of a move: `speed_mm_per_s`, `tolerance_mm`, `settle_s` and `timeout_s`, see `Servo.move`;
+    `settings` are the options of a move, see `Servo.move`: `speed_mm_per_s`, `tolerance_mm`, `settle_s`, `timeout_s`.
     `configure` changes them. `log_file` is the log of the latest servo.
     """
 

@@ -59,7 +59,7 @@ def main(
 def _conduct(
     campaign: str, folder: Path, output: Output, *, resume: bool, scheduler: str | None, workers: int | None
 ) -> None:
-    # These modules need the extra `campaign`; the help of the command does not.
+    # imported here, because these modules need the extra `campaign`, and the help must work without it
     from smadrive.campaigns.campaign import conduct  # noqa: PLC0415
     from smadrive.campaigns.checks import check_plan  # noqa: PLC0415
     from smadrive.campaigns.execution.estimate import check_disk, estimated  # noqa: PLC0415

@@ -139,7 +139,7 @@ def _named_at_the_end(output: Output) -> Iterator[list[Path]]:
     try:
         yield log_files
     finally:
-        with suppress(ConfigError, OSError):  # a failed print of the paths is no error of the session
+        with suppress(ConfigError, OSError):  # a failed print must not become an error of the session
             for path in log_files:
                 if path.exists():
                     output.say(f"log: {path}")

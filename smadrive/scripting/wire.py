@@ -170,7 +170,7 @@ def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], settings:
     if isinstance(data, str | os.PathLike):
         return fit_file(Path(data), columns, settings), str(data)
     if hasattr(data, "keys") and hasattr(data, "__getitem__"):
-        # keys(): a DataFrame iterates over its columns, others do not; coordinates of a Dataset are no keys
+        # keys() are the columns of a DataFrame, a dict and a Dataset; the coordinates of a Dataset are not among them
         check_table_columns("data", columns, map(str, (*data.keys(), *getattr(data, "coords", ()))))
         v, y = paired_vectors(np.asarray(data[columns[0]]), np.asarray(data[columns[1]]), columns)
         return fit_columns(v, y, columns, settings), ""

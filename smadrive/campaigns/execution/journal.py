@@ -22,7 +22,7 @@ from smadrive.errors import DataError
 JOURNAL = "journal.jsonl"
 SCHEMA = 1
 SYNCED_S = 1.0
-"""The journal is synchronized to the disk at most this often."""
+"""Shortest time between two synchronizations of the journal to the disk, s."""
 
 
 class Journal:

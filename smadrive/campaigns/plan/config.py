@@ -4,14 +4,14 @@
     seed = 1
     [run]                                   # the settings of every run
     reference = "slow sine"
-    [[vary]]                                # an axis: its lists go together
+    [[vary]]                                # an axis; several lists in it would vary together
     sim.thermocouple.noise_c = [0.05, 0.1, 0.2]
-    [[vary]]                                # another axis: axes are combined
+    [[vary]]                                # another axis
     random_wires = 50
     [references."slow sine"]
     shape = "sine:period_s=56"
 
-The campaign has a run for each combination of the axes.
+The campaign has a run for each combination of the values of all axes.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class WireSettings(Section):
                   data sheet replaces the wire file of the rig
     length_m      length of the Flexinol wire
     alloy         alloy of the Flexinol wire: low (LT) or high (HT) transformation temperature
-    seed          vary the parameters of this wire at random, with this seed
+    seed          vary the parameters of the wire at random, with this seed
     kind          kind of hysteresis of a random wire; by default random
     """
 
@@ -106,7 +106,7 @@ class AxisConfig(Section):
     name           name of the column in the table of results; by default the first path
     labels         texts for the values; needed if a value is a list or a table
     random_wires   this number of random wires; the first has the seed of the campaign, the next one this seed + 1, ...
-    repeats        this number of runs that differ only in the seed of the noise, which counts up in the same way
+    repeats        this number of runs that differ only in their noise; its seeds count up in the same way
     records        a pattern of file names, such as "reel/*.h5"; one run per file
 
     Each other key is the path of a setting of `[run]`. Its value is a list of values, or a grid (see `GridConfig`) such

@@ -51,7 +51,10 @@ def distribution_plot(table: DataFrame, metric: str) -> Plot:
 
 
 def axis_plots(plan: CampaignPlan, table: DataFrame, metric: str) -> Iterator[Plot]:
-    """Yield a plot for each axis that is compared: the distribution of the metric at each of its values."""
+    """Yield a plot for each axis except random wires and repeats: the distribution of the metric at each value.
+
+    An axis with one value, or with more than `MOST_LEVELS` values, gets no plot.
+    """
     for axis in plan.axes:
         if not axis.is_sample and 1 < len(axis.levels) <= MOST_LEVELS:
             yield _axis_plot(axis, table, metric)

@@ -86,7 +86,7 @@ def _tiles(table: DataFrame, metric: str) -> list[tuple[str, str]]:
 
 
 def _two_axes(plan: CampaignPlan, table: DataFrame, metric: str) -> Iterator[Grid]:
-    """Yield the medians over the first two axes that are compared."""
+    """Yield the table of medians over the first two axes, random wires and repeats excepted."""
     compared = [axis for axis in plan.axes if not axis.is_sample and len(axis.levels) > 1]
     if len(compared) < 2:
         return

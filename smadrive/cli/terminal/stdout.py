@@ -36,7 +36,7 @@ def _substitute(error: UnicodeError) -> tuple[str | bytes, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     character = error.object[error.start]
-    if "\udc80" <= character <= "\udcff":  # how Python holds a byte of a file name that is not UTF-8
+    if "\udc80" <= character <= "\udcff":  # surrogateescape: a byte that is not UTF-8
         return bytes((ord(character) - 0xDC00,)), error.start + 1
     return SUBSTITUTES.get(character, "?"), error.start + 1
 

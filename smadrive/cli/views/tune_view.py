@@ -33,9 +33,10 @@ _HEATER = {
 
 
 class TuneView:
-    """The display of a session. `channel` gives the status of the session.
+    """The display of a session.
 
-    `page` gives the address of the page and the failed restarts of its processes.
+    `channel` gives the status of the session. `page` gives the address of the page, and tells which of its processes
+    could not be restarted.
     """
 
     def __init__(self, name: str, page: TuningPage, channel: ControlEnd) -> None:

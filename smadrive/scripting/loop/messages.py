@@ -74,7 +74,7 @@ class TrackRequest:
 
 @dataclass(frozen=True)
 class DriveRequest:
-    """Run the user's controller on a wire for `duration_s`, or, if None, for the `duration_s` of the controller."""
+    """Run the user's controller on a wire for `duration_s`. If this is None, the controller gives the duration."""
 
     log_file: Path
     controller: Any
@@ -128,7 +128,7 @@ AnyScriptRequest = (
 
 
 class OpenedRig(NamedTuple):
-    """The result of an OpenRequest: the devices as text by their names, whether time is virtual, what is measured."""
+    """The result of an OpenRequest: identities of the devices by name, kind of time, and measured quantities."""
 
     identities: dict[str, str]
     is_virtual: bool
@@ -136,7 +136,10 @@ class OpenedRig(NamedTuple):
 
 
 class DrivenRun(NamedTuple):
-    """The result of a run: the counts of its loop, the user's controller as it was after the run, caveats about it."""
+    """The result of a run: the counts of the loop, the user's controller after the run, and caveats about it.
+
+    `controller` is None if the run had no such controller, or if it cannot be pickled.
+    """
 
     ticks: int
     missed_deadlines: int
