@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 RUNS_PER_THREAD = 4
-"""Number of runs per thread that are on the cluster at a time. More than one, so that no worker waits for its next."""
+"""Number of runs per thread that are on the cluster at a time: enough that no worker waits for its next run."""
 
 Finished = Callable[[RunResult], None]
 

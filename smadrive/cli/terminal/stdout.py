@@ -4,7 +4,7 @@ Each line is written at once. So the command that prints the line gets the error
 
 If a reader closes the pipe early, as `head` does, the command goes on with the same exit code, and the rest of its
 output is dropped. Only `watch` ends then. If standard output fails in any way, `off` writes to standard error, and the
-failed write does not change its exit code. In every command, a text that standard error does not accept is lost.
+failed write does not change the exit code of `off`. In every command, a failed write to standard error is ignored.
 
 A character that the encoding of an output does not have is replaced by other characters: in ASCII, "°C"
 becomes "deg C".
@@ -112,7 +112,7 @@ def is_unread() -> bool:
 
 
 def use_stderr_if_stdout_fails() -> None:
-    """After the first failed write to standard output, write this text and all later ones to standard error."""
+    """From now on, if a write to standard output fails, write this text and all later ones to standard error."""
     raw = _raw_stdout()
     if raw is not None and sys.stderr is not None:
         raw.spare = sys.stderr.fileno()

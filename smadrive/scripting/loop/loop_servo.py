@@ -63,10 +63,10 @@ class ServoLink(Protocol):
 
 
 class LoopServo:
-    """The controller of a servo. It holds the wire until the first motion.
+    """The controller of a servo: it holds the wire, and moves it as the commands of `link` say.
 
-    If `wire` has no heat balance, the nominal heat balance of the rig is used. The constructor measures once and heats
-    nothing.
+    If `wire` has no heat balance, the controller uses the nominal heat balance of the rig. The constructor measures
+    once, and heats nothing.
     """
 
     duration_s = inf
