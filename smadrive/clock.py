@@ -1,9 +1,9 @@
 """Time as an argument: the one clock that a loop, a device and a simulated plant share.
 
 A loop calls `now_s` and `sleep_until`, never the clock of the machine. `MonotonicClock` is real time. `VirtualClock`
-advances when `sleep_until` is called: it jumps, and every follower on the same clock (an in-process plant, a simulated
+advances when `sleep_until` is called: it jumps, and every follower of this clock (an in-process plant, a simulated
 device in another process) gets the new time before the call returns. So the same program runs in real time with
-the first clock. With the second clock it runs as fast as the machine can compute, and every run is the same.
+`MonotonicClock`. With `VirtualClock` it runs as fast as the machine can compute, and every run is the same.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """The errors of smadrive.
 
-The class says where the cause lies; the message names what is wrong, where, the value, the limit and the cure.
+The class says in which part the cause lies: files, connection, device, safety or data. The message names what is wrong,
+where, the value, the limit and the cure.
 
     SmadriveError
     ├── ConfigError             the user's files and options                    exit code 2
-    │   ├── DataError           a table of samples that cannot be used
+    │   ├── DataError           data, or a file or folder for data, cannot be used
     │   └── ModelError          a hysteresis model that is not valid
     │       └── CertificateError    a model without the certificates that its use needs
     ├── TransportError          the connection failed: no port, port lost       exit code 3
@@ -37,11 +38,11 @@ CUT = (
     "cut its supply by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
     "confirm with `smadrive off RIG` that the heater is off"
 )
-"""`UNCONFIRMED` begins and `CUT` ends the note that an error carries when current may still flow."""
+"""If current may still flow, an error carries a note. This note begins with `UNCONFIRMED` and ends with `CUT`."""
 
 
 STOPPED = "stopped by"
-"""The words before the program that made an emergency stop, in errors and in the state of a rig."""
+"""In errors and in the state of a rig, the name of the program that made an emergency stop follows these words."""
 
 
 def free_the_line(pid: int | None) -> str:
@@ -112,7 +113,7 @@ class ConfigError(SmadriveError):
 
 
 class DataError(ConfigError):
-    """A table of samples cannot be used: a column is missing, a cell is not a number, or lengths differ."""
+    """Data, or a file or folder for data, cannot be used: for example, a column is missing, or a log is damaged."""
 
 
 class ModelError(ConfigError):
@@ -132,7 +133,7 @@ class TransportError(SmadriveError):
 class BusyError(TransportError):
     """Another process has locked the serial port, or the unit at the network address.
 
-    The other process is a driver, a guardian, or `smadrive off`. `holder_pid` is its id; None if the id is unknown.
+    This is usually a driver, a guardian, or `smadrive off`. `holder_pid` is the id of the process; None if unknown.
     """
 
     holder_pid: int | None = None
@@ -149,7 +150,7 @@ class ProtocolError(SmadriveError):
 
 
 class MotionError(SmadriveError):
-    """A motion of a servo has not reached its end: it took too long, or another motion or the end of the run came."""
+    """A motion of a servo has not reached its end: it took too long, another motion replaced it, or the run ended."""
 
     exit_code = 4
 
@@ -161,7 +162,7 @@ class DeviceError(SmadriveError):
 
 
 class ExceptionReply(DeviceError):
-    """A Modbus exception reply; `code` is the exception code of the standard (1 illegal function, 2 address, ...)."""
+    """A Modbus exception reply. `code` is the exception code: 1 illegal function, 2 illegal data address, ..."""
 
     def __init__(self, what: str, code: int, *, where: object = "", value: object = None, cure: str = "") -> None:
         super().__init__(what, where=where, value=value, cure=cure)
@@ -210,7 +211,10 @@ class LoopProcessError(SafetyError):
 
 
 class ControllerError(SmadriveError):
-    """A controller of the user returned no valid command, or raised an error that cannot be pickled."""
+    """A controller of the user failed.
+
+    It cannot be pickled, returned no valid command, took too long, or raised an error that cannot be pickled.
+    """
 
     exit_code = 2
 

@@ -1,4 +1,4 @@
-"""Signals that end a program, held back while the heater is switched off.
+"""Holds back the signals that end a program while the heater is being switched off.
 
 SIGINT (Ctrl-C), SIGTERM and SIGHUP (a closed terminal) normally unwind the program. A signal that interrupted the
 switching off would leave the heater on. `HeldSignals` therefore counts these signals while its block lasts. The user
@@ -18,7 +18,7 @@ SIGNALS = tuple(signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGHUP")
 Handler = Callable[[int, FrameType | None], Any] | int
 
 ABORTS_AT = 3
-"""The block ends at this number of signals; the earlier signals are only counted."""
+"""The signal with this number ends the block of `HeldSignals`; the earlier signals are only counted."""
 
 
 class AbortedError(KeyboardInterrupt):
@@ -29,9 +29,9 @@ class HeldSignals:
     """A context manager that counts `SIGNALS` instead of obeying them.
 
     `received` lists the signals of an earlier block (`before`), then the signals that arrived in the `with` block.
-    The `ABORTS_AT`-th signal ends the block: the program's own handler is called for this signal, and AbortedError
-    leaves the block if that handler raises nothing. The caller decides about the earlier signals. Ignored signals stay
-    ignored. Outside the main thread no signal is held, because signals arrive in the main thread only.
+    The `ABORTS_AT`-th signal ends the block with AbortedError. At the end of the block, the program's own handler is
+    called for this signal, and may raise another error instead. The caller decides about the earlier signals. Ignored
+    signals stay ignored. Outside the main thread no signal is held, because signals arrive in the main thread only.
     """
 
     def __init__(self, before: Sequence[signal.Signals] = ()) -> None:

@@ -14,11 +14,11 @@ class DisplacementFrom(StrEnum):
     """The source of the displacement in a run."""
 
     SENSOR = "sensor"
-    """The displacement sensor, if there is one. The resistance replaces it when it fails."""
+    """The displacement sensor, if the rig has one. The resistance replaces a sensor that fails."""
     RESISTANCE = "resistance"
     """The resistance of the wire."""
     NONE = "none"
-    """Nothing: only the thermocouple is measured."""
+    """No source: the displacement is only estimated, from temperature and current."""
 
 
 class Measurement(NamedTuple):

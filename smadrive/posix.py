@@ -1,7 +1,8 @@
 """The modules of Python that only POSIX systems have. Elsewhere every module of smadrive can still be imported.
 
-Models, fits, logs and reports work on every system. What drives a rig needs file locks, terminals, signals between
-processes and inherited descriptors: it calls `check_posix` before anything else, or meets a `MissingModule`.
+Models, fits, logs and reports work on every system. Code that drives a rig needs file locks, terminals, signals between
+processes and inherited descriptors. It calls `check_posix` before anything else. Without this call, the first use of a
+`MissingModule` raises the same error.
 """
 
 from __future__ import annotations
@@ -18,13 +19,13 @@ MODULES = ("fcntl", "grp", "pwd", "termios", "tty")
 
 
 class MissingModule:
-    """The place of a module that this system lacks. Each of its attributes raises ConfigError."""
+    """Stands for a module that this system lacks. The access to any attribute raises ConfigError."""
 
     def __init__(self, name: str) -> None:
         self.__name__ = name
 
     def __getattr__(self, attribute: str) -> NoReturn:
-        """Raise ConfigError."""
+        """Raise the ConfigError that a rig cannot be driven on this system."""
         raise _not_posix(f"{self.__name__}.{attribute}")
 
 

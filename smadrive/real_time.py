@@ -1,8 +1,8 @@
-"""Real-time scheduling of the loop, its guardian and a served simulator, so that they work on time on a busy machine.
+"""Real-time scheduling of the loop, the guardian and a served simulator, so that they are on time on a busy machine.
 
-Without it, a browser that keeps every core busy would delay the ticks of the loop and the replies of the simulator. A
-loop that hangs with real-time scheduling leaves hardly any time to ordinary processes on its core. So the guardian has
-a higher priority than the loop.
+With ordinary scheduling, a browser that keeps every core busy would delay the ticks of the loop and the replies of the
+simulator. If a loop hangs under real-time scheduling, it leaves hardly any time to other processes on its core. So the
+guardian has a higher priority than the loop.
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ NICENESS = -10
 
 
 def use_real_time_scheduling(priority: int = LOOP_PRIORITY) -> None:
-    """Give the calling thread real-time scheduling, or else a higher priority (niceness), if the system permits either.
+    """Give the calling thread real-time scheduling; if the system forbids it, a higher priority by its niceness.
+
+    If the system forbids both, the scheduling stays ordinary.
 
     Call this function once, in the thread of the loop, of the guardian or of the simulator, after everything has been
     loaded and started. With real-time scheduling, the thread runs as soon as it is ready, before all ordinary threads

@@ -21,10 +21,10 @@ PRECISION = {
 """The columns that are read, and the number of their decimal places."""
 
 MEASURED = {"displacement_mm": "displacement", "temperature_c": "temperature"}
-"""Columns that not every rig has, and for each the quantity that a rig must measure to have it."""
+"""The columns that only some rigs have. The value is the quantity that such a rig measures."""
 
 OF_THE_COMMAND = ("setpoint_mm", "estimated_mm")
-"""Columns without a value while no servo runs; they are then NaN."""
+"""Columns from the command of the servo. They are NaN while no servo runs."""
 
 
 class WireSample(NamedTuple):
@@ -59,7 +59,7 @@ class Readings:
         return found[0]
 
     def describe(self) -> dict[str, dict[str, Any]]:
-        """Return the data keys."""
+        """Return the data keys of `read`."""
         return {
             key: {
                 "source": f"{self._source}/{column}",
@@ -86,13 +86,19 @@ class Readings:
         }
 
     def event(self, sample: WireSample) -> dict[str, Any]:
-        """Return the partial event of a sample."""
+        """Return the sample as a partial event of bluesky: time, data and timestamps."""
         values = self.values(sample)
         return {"time": sample.unix_s, "data": values, "timestamps": dict.fromkeys(values, sample.unix_s)}
 
 
 def alarm_of(tick: Tick) -> Alarm:
-    """Return the alarm of a measurement: invalid without a temperature, major with a fault, minor with a limit."""
+    """Return the alarm of a measurement.
+
+    invalid   the temperature is invalid
+    major     the device has latched a fault
+    minor     a limit holds the output back
+    none      otherwise
+    """
     measurement = tick.measurement
     if measurement.temperature_fault is not None:
         return Alarm(3, measurement.temperature_fault)

@@ -25,7 +25,7 @@ class SmaWireSettings:
 
     @classmethod
     def for_limits(cls, limits_mm: tuple[float, float]) -> SmaWireSettings:
-        """Return the default settings for a wire that moves between these displacements."""
+        """Return the default settings for a wire with this smallest and greatest displacement, in mm."""
         return cls(*default_speed_and_tolerance(limits_mm))
 
     def options(self) -> dict[str, Any]:
@@ -48,7 +48,7 @@ class SmaWireSettings:
         return {f"{device}_{name}": {"value": value, "timestamp": now_s} for name, value in values.items()}
 
     def describe(self, device: str, texts: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """Return the data keys of `read`; `texts` are the names of its texts."""
+        """Return the data keys of `read`. `texts` are the names of the texts that `read` gets."""
         numbers = {
             name: {"source": f"smadrive:{device}", "dtype": "number", "shape": [], "units": unit}
             for name, unit in UNITS.items()

@@ -1,9 +1,9 @@
 """A wire as a positioner, detector and flyer of bluesky.
 
 The device follows the protocols of bluesky by its methods alone. A servo (scripting/servo.py) begins with the first
-`set` or `kickoff`, and drives the wire until `stop`, `pause` or `unstage`, which end at zero current, confirmed by
-read-back. After an abort, a run engine stops the devices that it has set, but not a flyer. It also unstages every
-staged device. So `kickoff` needs a staged wire.
+`set` or `kickoff`, and drives the wire until `stop`, `pause` or `unstage`. These three end at zero current, confirmed
+by read-back. After an abort, a run engine stops the devices that it has set, but it does not stop a flyer. It unstages
+every staged device, also a flyer. So `kickoff` needs a staged wire: the abort then switches the heater off.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class SmaWire:
             wire = SmaWire(rig, smadrive.load_wire("wire.json"), name="wire")
             RE(bp.scan([], wire, 2, 8, 5))
 
-    `settings` are those of a move: `speed_mm_per_s`, `tolerance_mm`, `settle_s` and `timeout_s`, see `Servo.move`;
+    `settings` are the options of a move, see `Servo.move`: `speed_mm_per_s`, `tolerance_mm`, `settle_s`, `timeout_s`.
     `configure` changes them. `log_file` is the log of the latest servo.
     """
 
@@ -90,12 +90,12 @@ class SmaWire:
         return self._followed(motion)
 
     def locate(self) -> dict[str, float]:
-        """Return the setpoint and the displacement, in mm. Without a setpoint, both are the displacement."""
+        """Return `setpoint` and `readback`, the displacement, in mm. Without a setpoint, both are the displacement."""
         readback_mm = self._readings.values(self._sample())[self._readings.main]
         return {"setpoint": readback_mm if self._setpoint_mm is None else self._setpoint_mm, "readback": readback_mm}
 
     def trigger(self) -> Motion:
-        """Take a fresh measurement: the next tick of the servo, or a measurement at zero current."""
+        """Take a fresh measurement: the next tick of the servo or, if no servo runs, a measurement at zero current."""
         if self._servo is not None and self._servo.is_running:
             return self._followed(self._servo.sample())
         self._idle = self._measured()
@@ -121,7 +121,7 @@ class SmaWire:
         return self._settings.describe(self.name, ("rig", "model_source", "log_file"))
 
     def configure(self, **settings: float) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Change settings, and return the old and the new configuration."""
+        """Change settings, and return the old and the new configuration. ConfigError for an unknown setting."""
         before = self.read_configuration()
         self._settings = self._settings.changed(**settings)
         return before, self.read_configuration()
@@ -139,10 +139,10 @@ class SmaWire:
         return [self]
 
     def stop(self, success: bool = True) -> None:
-        """Switch the heater off, confirmed by read-back. The statuses of the motions under way end with `success`.
+        """Switch the heater off, confirmed by read-back. If `success` is False, the motions under way fail.
 
-        Raises an error only if the heater is not confirmed off. A trip raises no error here, because the status of its
-        motion has failed already.
+        Otherwise they end with success. An error is raised only if the heater is not confirmed off. A trip raises no
+        error here, because the status of the interrupted motion has failed already.
         """
         pending, self._pending = self._pending, []
         for motion in pending:
@@ -152,7 +152,7 @@ class SmaWire:
             self._end(self._servo)
 
     def pause(self) -> None:
-        """Switch the heater off. After the pause, the run engine sets the displacement again."""
+        """Switch the heater off. After the pause, the run engine calls `set` again."""
         self.stop()
 
     def resume(self) -> None:
@@ -185,7 +185,7 @@ class SmaWire:
         return self._followed(approach)
 
     def complete(self) -> Motion:
-        """Return the status of the flight, which is done at the end of the reference."""
+        """Return the status of the flight, which is done at the end of the reference. ConfigError before `kickoff`."""
         if self._flown is None:
             raise ConfigError("nothing flies", where=self.name, cure="call kickoff before")
         return self._flown
@@ -195,7 +195,7 @@ class SmaWire:
         return {f"{self.name}_fly": self.describe()}
 
     def collect(self) -> Iterator[dict[str, Any]]:
-        """Yield an event for each tick of the reference that was not collected before."""
+        """Yield an event for each tick of the reference since the last `collect`."""
         events, self._events = self._events, []
         yield from (self._readings.event(sample) for sample in events)
 
@@ -214,7 +214,7 @@ class SmaWire:
     def _end(self, servo: Servo) -> None:
         """Stop a servo.
 
-        If it ended with an error that carries no confirmed shutdown, and the rig is open, switch the heater off.
+        If its run ended with an error and the heater was not confirmed off, switch the heater off, if the rig is open.
         """
         with suppress(Exception):
             servo.stop()

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 COPY, PAGE, LOGS = "campaign.toml", "report.html", "logs"
 
 Step = Callable[[str], None]
-"""Called with the name of a step after the runs."""
+"""A function that is called with the name of each step that follows the runs."""
 
 
 class CampaignResult(NamedTuple):
@@ -61,10 +61,10 @@ def conduct(
 
 
 def write_worst_logs(client: Client, plan: CampaignPlan, table: DataFrame, folder: Path) -> dict[int, Path]:
-    """Execute the worst tracking runs again, with a log. Return the logs by the numbers of the runs.
+    """Execute the worst tracking runs again, now with a log. Return the paths of the logs by the number of the run.
 
-    A run depends on its settings alone, so the repeated run equals the first one. So no log is kept until the worst
-    runs are known.
+    A run depends on its settings alone, so its second execution equals the first one. Failed runs get no log. Without
+    tracking, the result is empty.
     """
     ranked = worst_first(table[table["status"] != "failed"], plan.metric)
     numbers = [int(number) for number in ranked["run"].head(plan.config.report.worst_logs)]

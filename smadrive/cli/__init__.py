@@ -1,12 +1,12 @@
-"""The command line: one file per command, what they share in packages, and the entry point with exit codes and signals.
+"""The command line: one file per command, packages of shared code, and the entry point with exit codes and signals.
 
 It may import everything below it. Logic that scripts also need belongs to rig, runs or tuning, not here.
 
 Every error of smadrive becomes a message on stderr and an exit code: 2 usage or config, 3 communication or device,
-4 safety trip, 5 identification. The exit code of an interruption is 130; Ctrl-C is the normal end of `watch`, with 0.
-Ctrl-C, SIGTERM and a closed terminal unwind the program, so the heater is off before the program ends. A signal does
-not interrupt the switching off (see interrupts.py). The last lines say whether a run tripped and whether the heater is
-confirmed off.
+4 safety, 5 identification (see errors.py). The exit code of an interruption is 130, or 4 if a trip was already ending
+the run. Ctrl-C is the normal end of `watch`, with exit code 0. Ctrl-C, SIGTERM and a closed terminal unwind the
+program, so the heater is off before the program ends. Signals that arrive while the heater is switched off are held
+back (see interrupts.py). The last lines say whether a run tripped and whether the heater is confirmed off.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def main() -> None:
 
 
 def _endings(interruption: BaseException, ending: str) -> tuple[str, ...]:
-    """Return the lines that say how the run ended: the trip before the interruption, then the interruption."""
+    """Return the lines that say how the run ended: first the trip, if there was one, then the interruption."""
     trip = _trip_before(interruption)
     return (ending,) if trip is None else (str(trip), f"then {ending}")
 
@@ -72,14 +72,14 @@ def _trip_before(interruption: BaseException) -> TripError | None:
 
 
 def _is_printed(outcome: ShutdownOutcome, error: BaseException) -> bool:
-    """Return True if a confirmed shutdown must be printed: after a run, an interruption or `smadrive off`."""
+    """Return True if a confirmed shutdown is printed: after a run, an interruption, or a stop by `smadrive off`."""
     return outcome.ended_run or isinstance(error, SystemExit | StoppedError)
 
 
 def _print_end(error: BaseException, *ending: str) -> None:
     """Print `ending`, the notes of `error` and the outcome of the shutdown, one line each.
 
-    A broken stderr changes no exit code.
+    A failed write to stderr does not change the exit code.
     """
     outcome = shutdown_of(error)
     confirmed = (str(outcome),) if outcome is not None and outcome.confirmed and _is_printed(outcome, error) else ()

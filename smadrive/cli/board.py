@@ -18,9 +18,9 @@ Port = Annotated[str, typer.Argument(help="/dev/ttyUSB0 or rtu+tcp://host:port",
 
 HEADER = ("check", "result", "seen")
 SETTLED = 0.5
-"""The second half of the log is evaluated."""
+"""This share of the log, from its beginning, is left out, because the current may still settle."""
 STEADY = 0.02
-"""Largest change of the set current in that half, as a share."""
+"""Largest allowed range of `in_force_a` in the rest of the log, as a share of its maximum."""
 
 
 class BoardAction(StrEnum):
@@ -48,12 +48,13 @@ def main(
 ) -> None:
     """Check the board on PORT, or calibrate it.
 
-    check: the frames of its specification, and the safety checks that need no wire. Disconnect the wire, and connect
-    the thermocouple. The check arms the board for moments, with at most 60 mA. The exit code is 3 if the board answers
-    wrongly, and 4 if it fails a safety check.
+    check: send the frames of the board's specification, and do the safety checks that need no wire. Disconnect the
+    wire, and connect the thermocouple. The check arms the board for short times, with at most 60 mA. The exit code is 3
+    if a reply is wrong, and 4 if the board fails a safety check.
 
-    calibrate: gains of the source, the measured current and the measured voltage, from the log of a constant current
-    and what an ammeter and a voltmeter showed. The board keeps the gains. The heater stays off.
+    calibrate: compute the gains of the current source, the measured current and the measured voltage. They come from
+    the log of a constant current, and from the readings of an ammeter and a voltmeter at this current. The gains are
+    saved on the board. The heater stays off.
     """
     output = Output(as_json)
     given = (log, current_a, voltage_v)
@@ -91,7 +92,10 @@ def _calibrate(output: Output, port: str, held: HeldCurrent) -> None:
 
 
 def _held_current(path: Path, current_a: float, voltage_v: float) -> HeldCurrent:
-    """Return the means of the settled part of the log, with what the multimeters showed."""
+    """Return the means over the settled part of the log, with the readings of the multimeters.
+
+    DataError if the current in this part is not constant.
+    """
     log = read_log(path)
     set_a, shown_a, shown_v = (log.column(name) for name in ("in_force_a", "current_a", "voltage_v"))
     settled = slice(int(SETTLED * len(set_a)), -1)

@@ -25,15 +25,15 @@ from smadrive.wire.cold_wire import calibration_caveats
 
 SUFFIXES = {"temperature": "c", "displacement": "mm"}
 VALUE_UNCERTAINTIES = {"temperature": 0.1, "displacement": 0.01}
-"""Standard uncertainty of a known value without --value-uncertainty: of a stirred bath in °C, of a gauge in mm."""
+"""Default of --value-uncertainty, the standard uncertainty of a known value: a stirred bath in °C, a gauge in mm."""
 
 
 KNOWN_VALUES = {"temperature": (-100.0, 600.0), "displacement": (-1e4, 1e4)}
-"""The range of known values: no limit of a rig lies outside it."""
+"""The allowed range of known values, in °C and mm."""
 
 
 class CalibratedSensor(StrEnum):
-    """The sensors of a wire."""
+    """The sensors that can be calibrated."""
 
     TEMPERATURE = "temperature"
     DISPLACEMENT = "displacement"
@@ -93,7 +93,10 @@ def main(
 
 
 def _value(text: str, sensor: CalibratedSensor, pressure_hpa: float) -> float:
-    """Return the known value of a point, in °C or mm. ConfigError when `text` does not give such a value."""
+    """Return the known value of a point, in °C or mm.
+
+    ConfigError if `text` is neither a number within `KNOWN_VALUES` nor, for a temperature, `ice` or `boiling`.
+    """
     named = {"ice": 0.0, "boiling": boiling_point_c(pressure_hpa)} if sensor is CalibratedSensor.TEMPERATURE else {}
     if text in named:
         return named[text]

@@ -59,7 +59,7 @@ def main(
 def _conduct(
     campaign: str, folder: Path, output: Output, *, resume: bool, scheduler: str | None, workers: int | None
 ) -> None:
-    # These modules need the extra `campaign`; the help of the command does not.
+    # imported here, because these modules need the extra `campaign`, and the help must work without it
     from smadrive.campaigns.campaign import conduct  # noqa: PLC0415
     from smadrive.campaigns.checks import check_plan  # noqa: PLC0415
     from smadrive.campaigns.execution.estimate import check_disk, estimated  # noqa: PLC0415
@@ -95,7 +95,7 @@ def _client(scheduler: str | None, workers: int | None) -> AbstractContextManage
 
 @contextmanager
 def _resumable(journal: Journal, count: int, campaign: str) -> Iterator[None]:
-    """Add to an interruption or error how many runs are done, and the command that executes the others."""
+    """Add a note to an error or interruption in the `with` block: the number of finished runs, and how to go on."""
     try:
         yield
     except BaseException as error:

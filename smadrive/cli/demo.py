@@ -41,7 +41,7 @@ PERIOD_S = 56.0
 LOW, HIGH = 0.2, 0.8
 """The ends of the reference, as shares of the identified stroke from its cold end."""
 REST_S = 20.0
-"""Time between two experiments, in which the wire cools to ambient temperature."""
+"""Time before each tracking run, in which the wire cools to ambient temperature."""
 
 WITH, WITHOUT = "inverse feedforward", "plain temperature map"
 
@@ -139,7 +139,7 @@ class _Session:
 
 @contextmanager
 def _connected(config: RigConfig, clock: Clock, output: Output) -> Iterator[Rig]:
-    """Yield the connected rig. In lockstep time, the silence that comes before the first request takes 5 s."""
+    """Yield the connected rig. The driver first waits until the line is silent; in lockstep time this takes 5 s."""
     with ExitStack() as stack:
         with output.progress("connecting: waiting until the line is silent"):
             rig = stack.enter_context(Rig(config, clock))

@@ -72,7 +72,7 @@ def main(
 def _print_metrics(
     log: Log, step: ManualStep, loop: LoopMetrics, output: Output, published: dict[str, Any], *, tripped: str | None
 ) -> None:
-    """Print what the step did up to its end or its trip."""
+    """Print the metrics of the step up to its end or its trip."""
     metrics, caveats = step_metrics(log), step_caveats(log)
     output.table(("quantity", "value"), _rows(metrics))
     output.warn(caveats)

@@ -61,6 +61,6 @@ def _nothing_in_reach(csv: Path, column: str, setpoint: NDArray[np.float64], mod
 
 
 def _unit(column: str) -> str:
-    """Return the unit in the name of a column after a space; "" without a known unit."""
+    """Return the unit from the suffix of a column's name, such as " mm", with a space before it; "" if unknown."""
     unit = {"mm": "mm", "c": "°C"}.get(column.rpartition("_")[2])
     return f" {unit}" if unit else ""

@@ -13,7 +13,7 @@ HEADER = ("name", "kind", "what it is")
 def main(as_json: AsJson = False) -> None:
     """List the shipped rigs, wires, device profiles, simulated wires and campaigns.
 
-    A command takes them by their names.
+    Other commands accept these names in place of the path of a file.
     """
     output = Output(as_json)
     files = shipped_files()

@@ -21,8 +21,8 @@ ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear la
 def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = False) -> None:
     """Emergency stop: stop the driver of RIG, if one runs, and switch the heater off, confirmed by read-back.
 
-    The exit code tells the state of the heater, and is 0 only if the heater is confirmed off. If standard output cannot
-    be written, the text goes to standard error.
+    The exit code is 0 only if the heater is confirmed off. If standard output cannot be written, the text goes to
+    standard error, and the exit code stays the same.
     """
     use_stderr_if_stdout_fails()
     output = Output(as_json)
@@ -63,7 +63,7 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
 
 
 def _simulated(off: SwitchedOff) -> Iterator[str]:
-    """Yield a warning if devices are simulated: a run of another program on this rig goes on."""
+    """Yield a warning if devices are simulated: another program simulates its own devices, so its run goes on."""
     if off.simulated:
         names = " and ".join(f"'{name}'" for name in off.simulated)
         yield (
@@ -75,7 +75,7 @@ def _simulated(off: SwitchedOff) -> Iterator[str]:
 def _waiting_guardians(warnings: tuple[str, ...]) -> tuple[list[str], list[str]]:
     """Return a sentence for each guardian that still waits for its device, and `warnings` as a list.
 
-    If the state folder is unreadable, the guardians are unknown. This is one more warning and no error, because the
+    If the state folder is unreadable, the guardians are unknown. Then add a warning, and raise no error, because the
     heater is already off.
     """
     try:

@@ -1,6 +1,6 @@
 """`smadrive paper`: repeat the published simulation, and show its errors beside the published ones.
 
-The paper (see identification/paper.py) reports errors from -1.2 to 1.
+The paper (see identification/paper.py) reports errors of the output from -1.2 to 1, in the unit of its factor k = 40.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ def main(
 
 
 def _model_file(config: RigConfig) -> Path | None:
-    """Return the model file of the rig; None if it names none, or one that does not exist yet."""
+    """Return the model file that the rig file names; None if it names none, or if the model file does not exist."""
     return Path(config.model) if config.model is not None and Path(config.model).is_file() else None
 
 

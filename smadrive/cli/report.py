@@ -77,7 +77,7 @@ def main(
 
 
 def _compare(log_files: list[Path], report_file: Path | None, csv_file: Path | None, output: Output) -> None:
-    """Show several logs side by side."""
+    """Show several logs side by side. ConfigError with `csv_file`, which needs a single log."""
     if csv_file is not None:
         raise ConfigError(
             "this option takes a single log",

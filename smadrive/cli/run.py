@@ -122,7 +122,7 @@ def main(
 
 
 def _given(config: RigConfig, reference: str | None, model: Path | None, repeat: int | None) -> _Given:
-    """Return the experiment that reference, model and number of cycles describe."""
+    """Return the experiment that reference, model and number of cycles describe. ConfigError without a reference."""
     if reference is None:
         cure = "give a CSV or a shape, or the log of a run to --resume"
         raise ConfigError("is missing", where="--reference", cure=cure)
@@ -140,7 +140,10 @@ def _given(config: RigConfig, reference: str | None, model: Path | None, repeat:
 def _resumed(
     resume: Path | None, config: RigConfig, reference: str | None, model: Path | None, repeat: int | None
 ) -> _Given | None:
-    """Return the experiment that completes the run in the log `resume`, or None if no log is given."""
+    """Return the experiment that completes the run in the log `resume`, or None if `resume` is None.
+
+    ConfigError for an option that the log already determines.
+    """
     if resume is None:
         return None
     options = {"--reference": reference, "--model": model, "--repeat": repeat}

@@ -52,7 +52,7 @@ def main(
     reference: Annotated[
         list[str] | None,
         typer.Option(
-            help="Reference for the page: CSV (time_s, displacement_mm) or sine:low_mm=…. Give one option for each."
+            help="Reference for the page: CSV (time_s, displacement_mm) or sine:low_mm=…. May be given several times."
         ),
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Model file; by default the model of the rig file.")] = None,
@@ -123,9 +123,9 @@ def _publication(
 
 
 def _check(rig: Rig, wire: WireProperties, tuning: Tuning, output: Output) -> None:
-    """Raise ConfigError if the rig's wire cannot be the identified one, or the rig cannot use its displacement source.
+    """Raise ConfigError if `wire` cannot be the wire of the rig, or the rig lacks the displacement source of `tuning`.
 
-    Warnings about the source are printed. Whether the wire is cold is checked again whenever it is armed.
+    Warnings about the source are printed. Each arming checks again whether the wire is cold.
     """
     rig.check_balance(wire.balance)
     cold_c = wire.balance.ambient_c
@@ -139,7 +139,7 @@ def _named_at_the_end(output: Output) -> Iterator[list[Path]]:
     try:
         yield log_files
     finally:
-        with suppress(ConfigError, OSError):  # a failed print of the paths is no error of the session
+        with suppress(ConfigError, OSError):  # a failed print must not become an error of the session
             for path in log_files:
                 if path.exists():
                     output.say(f"log: {path}")

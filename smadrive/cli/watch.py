@@ -53,12 +53,12 @@ def main(
         typer.Option("--json", help="Print one JSON object per measurement, each on its own line, and nothing else."),
     ] = False,
 ) -> None:
-    """Show the live values of RIG, without heat: the heater is never armed. The key q or Ctrl-C ends the command.
+    """Show the live values of RIG, without heat: the heater is never armed.
 
-    Both are its normal end, with exit code 0.
+    The key q and Ctrl-C end the command normally, with exit code 0.
 
-    On a terminal the values and a plot of the last minute are live; a pipe or a file gets a line a second. The page has
-    no controls: it shows plots of the whole time, and several people can open it.
+    On a terminal the values and a plot of the last minute are live; a pipe or a file gets one line per second. The page
+    has no controls: it shows plots of the whole time, and several people can open it.
     """
     output = Output(as_json)
     options = _page_options(port, browser, output) if page else None
@@ -109,7 +109,7 @@ def _page_options(port: int | None, browser: bool | None, output: Output) -> _Pa
 
 
 def _check_no_page_option(port: int | None, browser: bool | None) -> None:
-    """Raise ConfigError if an option of the page is given without a page."""
+    """Raise ConfigError if --port or --browser is given without --page."""
     for option, value in (("--port", port), ("--browser", browser)):
         if value is not None:
             raise ConfigError("is an option of the page", where=option, cure="add --page")
@@ -123,7 +123,7 @@ def _page(rig: Rig, options: _PageOptions, output: Output) -> AbstractContextMan
 
 
 def _checked_length(duration_s: float | None) -> float:
-    """Return the length of the observation, infinite without `--for`. ConfigError when it is not above 0."""
+    """Return the length of the observation in s, infinite without `--for`. ConfigError for 0, less, or infinity."""
     if duration_s is None:
         return inf
     if not 0.0 < duration_s < inf:

@@ -60,7 +60,7 @@ def reference_of_argument(reference: ReferenceLike) -> Reference:
 
 
 def source_of_argument(displacement_from: str | None) -> DisplacementFrom | None:
-    """Return the source of the displacement; None for the source in the rig file. ConfigError for another text."""
+    """Return the source of the displacement; None (the rig file decides) for None. ConfigError for an unknown text."""
     if displacement_from is None:
         return None
     try:
@@ -84,7 +84,7 @@ def step_of_arguments(duration_s: float, current_a: float | None, temperature_c:
 
 
 def cycling_of_argument(reference: Reference, repeat: int | None) -> Cycling | None:
-    """Return the plan of `repeat` cycles, or None if `repeat` is None. ConfigError if `repeat` is not a count >= 1."""
+    """Return the plan of `repeat` cycles; None if `repeat` is None. ConfigError if `repeat` is no whole number >= 1."""
     if repeat is None:
         return None
     cycles = whole_number(repeat, "repeat", "cycles", 1)

@@ -25,18 +25,18 @@ class Motion:
 
     @property
     def done(self) -> bool:
-        """True after the end of the motion, whether it has reached its end or has failed."""
+        """True once the motion has succeeded or failed."""
         return self._is_over.is_set()
 
     @property
     def success(self) -> bool:
-        """True if the motion has reached its end."""
+        """True once the motion has succeeded; False while it is under way, and if it has failed."""
         return self.done and self._error is None
 
     def exception(self, timeout: float | None = 0.0) -> BaseException | None:
-        """Return the error of a failed motion, or None. MotionError if it has not ended after `timeout` seconds.
+        """Wait up to `timeout` seconds for the end of the motion; None waits without a limit.
 
-        If `timeout` is None, wait without a limit.
+        Return the error of the motion, or None if it has succeeded. MotionError if it is still under way.
         """
         if not self._is_over.wait(timeout):
             cure = "wait longer"
@@ -44,13 +44,16 @@ class Motion:
         return self._error
 
     def wait(self, timeout: float | None = None) -> None:
-        """Wait for the end of the motion. Raise its error if it has failed, or MotionError after `timeout` seconds."""
+        """Wait up to `timeout` seconds for the end of the motion; None waits without a limit.
+
+        Raise the error of the motion if it has failed. MotionError if it is still under way.
+        """
         error = self.exception(timeout)
         if error is not None:
             raise error
 
     def add_callback(self, callback: Callable[[Motion], None]) -> None:
-        """Call `callback` with this motion when it ends; now, if it has ended already."""
+        """Call `callback` with this motion when it ends. If it has ended already, call `callback` now."""
         with self._mutex:
             if not self.done:
                 self._callbacks.append(callback)
@@ -58,7 +61,7 @@ class Motion:
         callback(self)
 
     def finish(self, error: BaseException | None = None) -> None:
-        """End the motion; with an error, it has failed. Only the first call has an effect."""
+        """End the motion. With `error` it has failed, without `error` it has succeeded. Later calls have no effect."""
         with self._mutex:
             if self.done:
                 return

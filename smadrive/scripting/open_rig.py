@@ -51,7 +51,7 @@ class OpenRig(RigConnection):
 
     In a notebook the rig may stay open from cell to cell; call `close()` at the end. Loop, supervisor and log run in a
     separate process, so a busy script delays no tick. Ctrl-C, the interruption of a kernel and every end of the script
-    end a run at zero current. Errors of the loop process are raised here.
+    end a run at zero current. The methods raise the errors of the loop process.
     """
 
     def measure(self) -> Measurement:
@@ -77,9 +77,12 @@ class OpenRig(RigConnection):
         temperature_c: float | None = None,
         log: PathText | None = None,
     ) -> Run:
-        """Hold a current or a temperature for `duration_s` and record the run. ConfigError beyond a limit of the rig.
+        """Hold a current or a temperature for `duration_s`, and record the run.
 
-        warm = rig.heat(30, temperature_c=60)
+            warm = rig.heat(30, temperature_c=60)
+
+        Without `log` the file is heat.h5 or, if it exists, heat-2.h5 and so on. ConfigError for a value beyond a limit
+        of the rig. TripError after a trip.
         """
         step, path = step_of_arguments(duration_s, current_a, temperature_c), new_log(log, "heat")
         return self._run(f"heating, {step}", HeatRequest(path.absolute(), step), path)
@@ -128,8 +131,8 @@ class OpenRig(RigConnection):
         `update` is called once per tick, in the loop process, on a copy of the controller. After the run,
         `run.controller` is this copy. The current is clamped to the range from 0 to current_max_a. If the commands have
         a `setpoint_mm`, the metrics of the run include tracking errors. Without `duration_s` the controller must have
-        an attribute `duration_s`. An error that `update` raises ends the run at zero current and is raised here.
-        ControllerError if `update` returns no command, or a current far beyond current_max_a.
+        an attribute `duration_s`. An error that `update` raises ends the run at zero current, and is raised by `drive`.
+        ControllerError if `update` returns no command or a current far beyond current_max_a, or takes too long.
         """
         check_controller(controller, duration_s)
         path = new_log(log, "run")
@@ -146,7 +149,7 @@ class OpenRig(RigConnection):
         self._call(SwitchOffRequest())
 
     def clear_faults(self) -> Measurement:
-        """Clear the latched faults and the trip latch; SafetyError names a fault that persists."""
+        """Clear the latched faults and the trip latch, and return a measurement. SafetyError if a fault persists."""
         measurement: Measurement = self._call(ClearFaultsRequest())
         return measurement
 
@@ -168,8 +171,9 @@ class OpenRig(RigConnection):
             with rig.servo(wire) as servo:
                 servo.move(4.0).wait()
 
-        Until the servo is stopped, no other method drives the rig. In virtual time the wire stands still between two
-        motions.
+        Until the servo is stopped, every other method that uses the devices, also `measure` and `off`, raises
+        ConfigError; `close` stops the servo. In virtual time the clock stops when no motion is left, and goes on with
+        the next command.
         """
         self._check_free()
         self._servo = Servo(self._client, wire_of_argument(wire), self.config.limits, new_log(log, "servo"))

@@ -21,7 +21,7 @@ from smadrive.scripting.servo import Servo
 class RigConnection:
     """Opens the rig of `config` in a new loop process. A context manager that switches the heater off at its end.
 
-    `quantities` are those that the rig measures, such as "displacement".
+    `quantities` are the quantities that the rig measures, such as "displacement".
     """
 
     def __init__(self, config: RigConfig) -> None:
@@ -58,7 +58,11 @@ class RigConnection:
         return self._finalizer.alive
 
     def close(self) -> None:
-        """Switch off and end the loop process. Raises an error if that is unconfirmed, or after `smadrive off`."""
+        """Stop a running servo, switch the heater off, and end the loop process.
+
+        Raises an error if the heater is not confirmed off. StoppedError if `smadrive off` has stopped the loop process
+        and no call has raised this error before.
+        """
         if not self.is_open:
             return
         try:

@@ -52,7 +52,7 @@ class Run:
     `run[name]` is a column as a float64 array, with NaN where nothing was measured; `columns` lists the names. Tracking
     errors are in percent of the stroke. They leave out the approach, in which the wire moves to the beginning of the
     reference, and are NaN for a run without a setpoint. `log` holds events and metadata. `controller` is the user's
-    controller as it was at the end of the run.
+    controller at the end of the run; None for another run, and if it cannot be pickled.
     """
 
     def __init__(self, log: Log, driven: DrivenRun | None = None, warnings: Iterable[str] = ()) -> None:
@@ -189,7 +189,7 @@ class Run:
         return card(title, self.facts(), self._small_plot(), self.caveats)
 
     def _small_plot(self) -> str:
-        """Return a plot of displacement and setpoint over time; of the temperature without a measured displacement."""
+        """Return a plot of displacement and setpoint over time; of the temperature if no displacement was measured."""
         time_s = self["time_s"].tolist()
         name = "displacement_mm" if np.isfinite(self["displacement_mm"]).any() else "temperature_c"
         curves = [Curve(time_s, self[name].tolist(), "measured", MEASURED)]

@@ -58,9 +58,11 @@ class Servo:
             servo.move(4.0).wait()
             print(servo.measurement)
 
-    The run is supervised and recorded in a log like every run. After a trip, all motions fail with its error. `takers`
-    are called with each tick, in another thread. `dropped` is the number of ticks that this process missed. `limits`
-    are the smallest and the greatest displacement that the wire can reach and the rig permits, in mm.
+    The run is supervised and recorded in a log like every run. After a trip, all motions fail with the TripError.
+
+    takers     functions that are called with each tick, in another thread
+    dropped    number of ticks that this process did not get, because it did not read in time; the log has them
+    limits     smallest and greatest displacement that the wire can reach and the rig permits, mm
     """
 
     def __init__(self, client: LoopClient, wire: IdentifiedWire, rig_limits: LimitsConfig, log_file: Path) -> None:
@@ -113,7 +115,7 @@ class Servo:
 
     @property
     def measurement(self) -> Measurement:
-        """The latest measurement; waits for the first one. MotionError when the run ends before."""
+        """The latest measurement. Waits for the first one, and raises an error if the run ends before it arrives."""
         if self._latest is None:
             self.sample().wait()
         assert self._latest is not None
@@ -134,10 +136,13 @@ class Servo:
     ) -> Motion:
         """Move the wire smoothly to a displacement, and hold it there.
 
-        The motion is done when the displacement has stayed within `tolerance_mm` for `settle_s`. The default is
-        `TOLERANCE` times the travel. The motion fails `timeout_s` after the end of its path. Without `speed_mm_per_s`,
-        the greatest speed, a move through the whole travel takes `MOVE_S`. ConfigError for a displacement outside
-        `limits`, and for numbers that are not possible.
+        speed_mm_per_s   greatest speed of the path; by default a move through the whole travel takes `MOVE_S`
+        tolerance_mm     greatest distance from the setpoint; by default `TOLERANCE` times the travel
+        settle_s         when the path has ended and the wire has been within the tolerance for this time, the motion is
+                         done
+        timeout_s        the motion fails if it is not done at this time after the end of the path
+
+        ConfigError for a displacement outside `limits`, and for a number that is not positive; `settle_s` may be 0.
         """
         speed, tolerance = default_speed_and_tolerance(travel_limits_mm(self._wire))
         numbers = {
@@ -152,9 +157,10 @@ class Servo:
         return self._command(f"move to {setpoint_mm:g} mm", lambda number: MoveCommand(number, setpoint_mm, *checked))
 
     def follow(self, reference: Reference) -> tuple[Motion, Motion]:
-        """Move to the beginning of a reference and track it. Return the approach and the whole motion.
+        """Move to the beginning of a reference, then track it.
 
-        ConfigError for a reference that leaves the travel, exceeds a displacement limit of the rig, or has no end.
+        Return two motions: the first is done when the tracking begins, the second at the end of the reference.
+        ConfigError for a reference that leaves the travel or exceeds a displacement limit of the rig, or has no end.
         """
         check_reference_within(reference, self._wire, self._rig_limits)
         if not isfinite(reference.duration_s):
@@ -172,7 +178,7 @@ class Servo:
 
     @cached_property
     def run(self) -> Run:
-        """The run, after its end. MotionError while the servo runs."""
+        """The recorded run, after the servo has ended. MotionError while the servo runs."""
         if self.is_running:
             raise MotionError("still runs", where="servo", cure="stop it first")
         return Run(read_log(self.log_file), self._driven)
@@ -186,7 +192,7 @@ class Servo:
         return motion
 
     def _motion(self, what: str) -> tuple[int, Motion]:
-        """Return a new motion and its number. The motion has failed already if the run has ended."""
+        """Return a new motion and its number. If the run has ended, the returned motion has failed."""
         motion = Motion(what)
         with self._mutex:
             number = next(self._numbers)

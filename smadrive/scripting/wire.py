@@ -68,9 +68,9 @@ class Wire(IdentifiedWire):
 
     @property
     def health(self) -> WireHealth | None:
-        """The drift of the wire since its identification, from the record beside its file.
+        """The drift of the wire since its identification, from the health record beside its wire file.
 
-        None for a wire that was not loaded from a file, and for a file without a record.
+        None for a wire that was not loaded from a file, and for a file without a health record.
         """
         wire_file = wire_file_of(self)
         return None if wire_file is None else assess(wire_file, FeedbackConfig()).health
@@ -99,11 +99,14 @@ def identify(
         wire = smadrive.identify(frame)                               columns temperature_c and displacement_mm
         wire = smadrive.identify(temperature_c, displacement_mm)      two arrays
 
-    `input` and `output` choose other columns of a CSV file or a table. A table is any object with columns by name, such
-    as a DataFrame, a dict or an xarray.Dataset. `kind` is "tsfuzzy" or "duhem". `sets` is the number of fuzzy sets of a
-    T-S fuzzy model, 3 to 99, by default 11. `memory` is the number of sets of its last turning point, 4 to 40; 1 is no
-    memory. By default loops of the record that are held out of the fit decide. `components` is the number of Gaussians
-    per branch of a Duhem model, 1 to 6, by default 2.
+    A table is any object with columns by name, such as a DataFrame, a dict or an xarray.Dataset.
+
+    kind            "tsfuzzy" or "duhem"
+    sets            number of fuzzy sets of a T-S fuzzy model, 3 to 99; by default 11
+    memory          sets of the last turning point of a T-S fuzzy model, 4 to 40, or 1 for no memory; by default the
+                    errors on loops that are held out of the fit decide
+    components      number of Gaussians per branch of a Duhem model, 1 to 6; by default 2
+    input, output   names of the columns of a CSV file or a table
 
     ConfigError for an option that the kind or the record does not have. DataError for a record that cannot be used,
     IdentificationError for a record that does not determine the model.
@@ -167,7 +170,7 @@ def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], settings:
     if isinstance(data, str | os.PathLike):
         return fit_file(Path(data), columns, settings), str(data)
     if hasattr(data, "keys") and hasattr(data, "__getitem__"):
-        # keys(): a DataFrame iterates over its columns, others do not; coordinates of a Dataset are no keys
+        # keys() are the columns of a DataFrame, a dict and a Dataset; the coordinates of a Dataset are not among them
         check_table_columns("data", columns, map(str, (*data.keys(), *getattr(data, "coords", ()))))
         v, y = paired_vectors(np.asarray(data[columns[0]]), np.asarray(data[columns[1]]), columns)
         return fit_columns(v, y, columns, settings), ""

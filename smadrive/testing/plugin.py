@@ -1,12 +1,13 @@
 """Fixtures for pytest: a rig on a simulated wire, in virtual time, and the faults of its devices.
 
 pytest finds this plugin by itself where smadrive is installed. `sma_rig` is a connected `Rig`; `sma_faults` has a
-method for every fault of the devices that simulate this rig. A marker selects the rig, the simulated wire and the seed
-of the sensors' noise; each part may be left out:
+method for every fault of the devices that simulate this rig. A marker selects the rig (by default in-process), the
+simulated wire (flexinol-lt-0.15mm) and the seed of the sensors' noise (0); each part may be left out:
 
     @pytest.mark.sma(rig="my-rig.toml", sim="flexinol-lt-0.15mm", seed=7)
 
-Every run of pytest imports this file, so rig and simulator are imported by the first test that uses them.
+Every run of pytest imports this file. To keep this fast, only the first test that uses a fixture imports the rig and
+the simulator.
 """
 
 from __future__ import annotations
@@ -57,8 +58,8 @@ def sma_rig(request: pytest.FixtureRequest, sma_faults: SimulatedFaults) -> Iter
 def _marker_parts(request: pytest.FixtureRequest) -> dict[str, Any]:
     """Return the parts of the marker `sma`.
 
-    ConfigError for a part without a name, and for an unknown part: after a spelling mistake, the default must not be
-    used silently.
+    ConfigError for a part without a name, and for an unknown part. Otherwise a spelling mistake would silently select
+    the default.
     """
     from smadrive.errors import ConfigError  # noqa: PLC0415
     from smadrive.files.spelling import suggestion_or_list  # noqa: PLC0415

@@ -1,7 +1,7 @@
 """A simulated device in a process of its own, on a virtual serial port or TCP, for the demo and the tests.
 
 In virtual time the device follows the driver's clock in lockstep: at every jump the clock writes the new time to the
-simulator's standard input and waits for its answer. In real time the device runs by itself.
+simulator's standard input and waits for the simulator's answer. In real time the device follows the machine's clock.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from smadrive.clock import Clock, MonotonicClock, VirtualClock
 from smadrive.errors import TransportError
 
 ENDS_WITHIN_S = 10.0
-"""The simulator is killed if it has not ended after this time."""
+"""The simulator is killed if it has not ended at this time in s after the signal to end."""
 
 LOCKSTEP_LATENCY = "?latency_ms=5000"
 """Query of the URL in lockstep time: the driver waits 5 s longer for each reply.

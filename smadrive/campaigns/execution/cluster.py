@@ -1,7 +1,8 @@
 """The Dask cluster of a campaign: processes of this machine, or a cluster that is already there.
 
-Every worker has one thread, because a run computes in Python, and one BLAS thread. Dask repeats the tasks of a worker
-that dies. A task that has ended `ALLOWED_FAILURES` workers counts as failed.
+Every worker process on this machine has one thread, because Python executes one thread at a time, and one BLAS thread.
+If a worker dies, Dask repeats its tasks on another one. A task fails if more than `ALLOWED_FAILURES` workers have died
+while they executed it.
 
 Dask executes any code that it receives. So a local cluster listens on 127.0.0.1 only.
 """
@@ -107,7 +108,7 @@ def remote_client(address: str) -> Iterator[Client]:
 
 
 def _silence_logs() -> None:
-    """Let Dask log nothing about lost connections and dead workers: the command reports them itself."""
+    """Switch off the log messages of Dask about lost connections and dead workers: the command reports them itself."""
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
 

@@ -1,7 +1,9 @@
 """Time and disk space of a campaign, estimated before it starts.
 
-The time of a run is the number of its ticks. The time of a tick is measured here, on the rig of the first run. The
-times of a fit, of a smoothed reference and of a Preisach wire are fixed numbers of ticks, which were measured once.
+The time of a run is estimated as its number of ticks times the time of one tick. The time of one tick is measured
+before the start, on the rig of the first run. A fit counts as a fixed number of ticks, and the smoothing of a reference
+as a fixed number of ticks per tick of the run; both were measured once. If the campaign only fits records, a tick
+counts as 0.3 ms.
 """
 
 from __future__ import annotations
@@ -23,10 +25,10 @@ from smadrive.rig.controllers import excitation_path
 from smadrive.runs.tracking_plan import APPROACH_S
 
 PROBE_S = 5.0
-"""Simulated time in which the time of a tick is measured."""
+"""Length of the simulated run that measures the time of one tick, s."""
 
 FIT_TICKS, MEMORY_TICKS, RANDOM_TICKS = 12_000, 75_000, 25_000
-"""The time of a fit, in ticks: of a wire without memory, of a Preisach wire, and the mean over wires of random kind."""
+"""The time of a fit, in ticks: without memory, of a Preisach wire, and the mean over wires of random kind."""
 
 SMOOTHING_TICKS = 1.5
 """The time of the simulation that smooths a reference, in ticks per tick of the run."""
@@ -55,7 +57,7 @@ class CampaignEstimate(NamedTuple):
 
 
 def estimated(plan: CampaignPlan, groups: list[list[int]]) -> CampaignEstimate:
-    """Return the estimate for the runs in `groups`, which share an identification per group."""
+    """Return the estimate for the runs in `groups`. The runs of a group share one identification."""
     numbers = [number for group in groups for number in group]
     if not numbers:
         return CampaignEstimate(0, 0, 0.0, PAGE_BYTES)

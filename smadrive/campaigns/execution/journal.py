@@ -22,7 +22,7 @@ from smadrive.errors import DataError
 JOURNAL = "journal.jsonl"
 SCHEMA = 1
 SYNCED_S = 1.0
-"""The journal is synchronized to the disk at most this often."""
+"""Shortest time between two synchronizations of the journal to the disk, s."""
 
 
 class Journal:
@@ -36,9 +36,10 @@ class Journal:
         self.results: dict[int, RunResult] = {}
 
     def __enter__(self) -> Self:
-        """Create the journal, or open the journal of an earlier command.
+        """Create the journal or, with `resume`, open the journal of an earlier command.
 
-        DataError when the folder is not empty, is used by another command, or belongs to another campaign.
+        DataError when another command uses the folder; without `resume`, when the folder is not empty; with `resume`,
+        when the folder has no journal of this campaign.
         """
         self._file = self._open()
         try:
@@ -62,7 +63,7 @@ class Journal:
         self._file.close()
 
     def add(self, number: int, result: RunResult) -> None:
-        """Keep the result of a run."""
+        """Add the result of a run to `results` and to the file. DataError when the file cannot be written."""
         self.results[number] = result
         self._write({"run": number, "row": result.row, "effort": result.effort._asdict()})
         if time.monotonic() - self._synced_s > SYNCED_S:

@@ -1,7 +1,8 @@
 """The order in which the runs of a campaign go to the cluster, and the collection of their results.
 
-Runs that share an identification follow each other: the cluster identifies their wire once, and forgets it with the
-last of them. Only some runs per thread are on the cluster at a time, so the memory does not grow with the campaign.
+Runs that share an identification follow each other. The cluster identifies their wire once, and drops the result after
+the last of these runs. Only `RUNS_PER_THREAD` runs per thread are on the cluster at a time, so the memory does not grow
+with the campaign.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 RUNS_PER_THREAD = 4
-"""Number of runs per thread that are on the cluster at a time. A worker that has none waits for the scheduler."""
+"""Number of runs per thread that are on the cluster at a time: enough that no worker waits for its next run."""
 
 Finished = Callable[[RunResult], None]
 
 
 def groups_of(plan: CampaignPlan, done: set[int]) -> list[list[int]]:
-    """Return the numbers of the runs that are not done. The runs of a group share an identification."""
+    """Return the numbers of the runs that are not done, in groups. The runs of a group share one identification."""
     groups: dict[str, list[int]] = {}
     for number in range(plan.count):
         if number not in done:
@@ -75,7 +76,7 @@ def run_all(client: Client, plan: CampaignPlan, groups: list[list[int]], journal
 def _submissions(
     client: Client, plan: CampaignPlan, groups: list[list[int]]
 ) -> Iterator[tuple[int, Future[RunResult]]]:
-    """Send the runs one by one, as the caller asks for them. Yield the number and the future of each run."""
+    """Yield the number and the future of each run. A run is sent to the cluster when the caller asks for it."""
     token = uuid.uuid4().hex[:8]
     for group in groups:
         first = plan.run(group[0])
@@ -93,7 +94,7 @@ def scheduler_lost() -> TransportError:
 
 
 def _result_of(future: Future[RunResult]) -> RunResult:
-    """Return the result of a run. A run that ended its workers again and again is a failed run."""
+    """Return the result of a run. If too many workers died while they executed the run, the run has failed."""
     if future.status in ("cancelled", "lost"):
         raise scheduler_lost()
     error: Any = future.exception() if future.status == "error" else None

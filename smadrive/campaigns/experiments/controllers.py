@@ -3,8 +3,8 @@
 inverse          the controller of `smadrive run`, on the identified model
 duhem-inverse    the same controller on a Duhem model that is fitted to the same record
 plain-map        the same controller with a static temperature map, without hysteresis
-feedback-only    no feedforward: a PI controller from displacement to power. Without a displacement sensor: the
-                 temperature feedback alone, with the static map as its setpoint
+feedback-only    no feedforward: a PI controller from displacement to power. Without a displacement sensor: only the
+                 temperature feedback, whose setpoint comes from the static map
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class DisplacementPI:
 def controller_of(
     run: PlannedRun, knowledge: WireKnowledge, wire: WireModel, reference: Reference
 ) -> tuple[Controller, DisplacementInverse]:
-    """Return the controller of a tracking run, and the inverse that it uses or replaces."""
+    """Return the controller of a tracking run, and its inverse. A controller without an inverse gets the static map."""
     name, settings = run.settings.controller, tracking_settings(run.documents.rig)
     if name == "inverse":
         return _tracking(reference, wire, run)
@@ -86,7 +86,7 @@ def _tracking(reference: Reference, wire: WireModel, run: PlannedRun) -> tuple[C
 
 
 def _static_map(knowledge: WireKnowledge, wire: WireModel) -> StaticMap:
-    """Return the static map of the record. For a wire from a model file, the map of the major loop of its model."""
+    """Return the static map of the record or, if the wire comes from a model file, of the major loop of its model."""
     if knowledge.temperature_c.size:
         return StaticMap(knowledge.temperature_c, knowledge.displacement_mm)
     inputs_c = np.linspace(*wire.model.input_range, SLOPE_POINTS)
@@ -95,7 +95,7 @@ def _static_map(knowledge: WireKnowledge, wire: WireModel) -> StaticMap:
 
 
 def _mean_slope_per_k(wire: WireModel) -> float:
-    """Return the mean of dw/dT over the heating branch, weighted by the share of the transformation."""
+    """Return the mean of dw/dT over the heating branch, in 1/K. Each slope is weighted by its part dw of the branch."""
     inputs_c = np.linspace(*wire.model.input_range, SLOPE_POINTS)
     slopes_per_k = wire.model.branch_slope(inputs_c, rising=True)
     return float(np.sum(slopes_per_k * np.gradient(wire.model.branch(inputs_c, rising=True))))

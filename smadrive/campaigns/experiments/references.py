@@ -1,6 +1,6 @@
 """The reference of a tracking run, scaled to the identified travel of its wire.
 
-A phase of 0 is the displacement of the cold wire, a phase of 1 that of the hot wire.
+Phase 0 is the displacement of the cold wire, phase 1 the displacement of the hot wire.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class PlannedReference(NamedTuple):
 
 
 def planned_reference(config: ReferenceConfig, wire: WireModel, rig: RigConfig) -> PlannedReference:
-    """Return the reference with the approach of the cold wire, smoothed if the file asks for that.
+    """Return the reference with the approach from the cold wire; with `smooth`, the nearest one that it can follow.
 
     ConfigError for a reference outside the travel of the wire or the displacement limits of the rig, DataError for an
     unusable table.

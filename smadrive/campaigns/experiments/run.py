@@ -31,7 +31,7 @@ from smadrive.errors import SmadriveError
 
 
 class FailedIdentification(NamedTuple):
-    """The error of an identification. Every run that needs this identification fails with it."""
+    """The error of an identification. Every run that needs this identification fails with this error."""
 
     error_type: str
     error: str
@@ -40,10 +40,14 @@ class FailedIdentification(NamedTuple):
 
 
 class Effort(NamedTuple):
-    """Durations, time of day and process of a run, and the trace of an unexpected error. They differ each time.
+    """The effort of a run. These values differ if the run is repeated.
 
-    `cpu_s` is the processor time of the run, without its identification. `identification_cpu_s` is that of the
-    identification, which the run may share with others.
+    began                  beginning of the run, UTC, ISO 8601
+    duration_s             duration of the run
+    cpu_s                  processor time of the run, without its identification
+    identification_cpu_s   processor time of the identification, which other runs may share
+    process                host:pid of the worker
+    trace                  traceback of an unexpected error, or empty
     """
 
     began: str

@@ -24,7 +24,10 @@ EXCITATION, TRACKING = 0, 1
 
 
 def simulated_wire(run: PlannedRun) -> SimConfig:
-    """Return the simulated wire of a run: nominal, or random around the nominal wire. Changes of the run come last."""
+    """Return the simulated wire of a run: the nominal wire or, with `wire.seed`, a random wire around it.
+
+    The changes in [run.sim] also apply to the random wire.
+    """
     wire, sim = run.settings.wire, run.documents.sim
     if wire.seed is None:
         return sim
@@ -47,7 +50,7 @@ def wire_row(sim: SimConfig) -> Row:
 def noise_seed(run: PlannedRun, part: int) -> int:
     """Return the seed of the noise in a part of a run.
 
-    Runs of one wire have the same noise, so that their differences come from their settings.
+    Runs with the same wire and the same `seed` have the same noise, so they differ only by their settings.
     """
     return Random(f"{run.settings.seed} {run.settings.wire.seed} {part}").getrandbits(32)
 
@@ -66,8 +69,8 @@ class SimulatedRig:
     def plan_disturbance(self, disturbance: tuple[DisturbanceConfig, ...], scored_from_s: float) -> None:
         """Plan the faults of a disturbance. ConfigError for an unknown fault.
 
-        Its times count from the end of the approach, `scored_from_s` from now. A random time depends on the seed of the
-        noise.
+        The times of the faults count from the end of the approach, which comes in `scored_from_s`. A random time is
+        drawn with the seed of the noise.
         """
         random, begins_s = Random(self._seed), self.simulated_bench.time_s + scored_from_s
         entries = (_entry(one, begins_s, random) for one in disturbance)

@@ -46,7 +46,10 @@ class TickSeries:
         )
 
     def error_row(self, planned: PlannedReference, stroke_mm: float) -> Row:
-        """Return the tracking errors after the approach in % of the true stroke; NaN if the run ended before."""
+        """Return RMS and maximum of the tracking error after the approach, in % of the true stroke.
+
+        They are NaN if the run ended during the approach.
+        """
         time_s, reached_mm = self._columns()[:2]
         reference = planned.reference
         setpoint_mm = np.array([reference.value_mm(one_s) for one_s in time_s])
@@ -56,7 +59,7 @@ class TickSeries:
         return {"rms_percent": float(np.sqrt(np.mean(percent**2))), "max_percent": float(np.abs(percent).max())}
 
     def heat_row(self) -> Row:
-        """Return energy, highest temperature, largest current, and the share of ticks at a limit."""
+        """Return energy, highest true temperature, largest current, and the share of ticks at a limit."""
         time_s, _, temperature_c, current_a, voltage_v, limited = self._columns()
         if time_s.size == 0:
             return {}

@@ -19,13 +19,16 @@ MOST_RUNS = 1_000_000
 """The largest number of runs of a campaign. Even short runs of this number take days on a large cluster."""
 
 Level = int | float | str | bool
-"""A value in a column of the table of results."""
+"""A value of an axis, as it stands in the table of results."""
 
 
 class Axis(NamedTuple):
-    """One axis: its column, the values of this column, and the settings that belong to each value, by their paths.
+    """One axis of a campaign.
 
-    `is_sample` is True for random wires and repeats: their values are a sample, and the report does not compare them.
+    name        column of the axis in the table of results
+    levels      values in this column
+    settings    for each level, the settings of [run] that it changes: value by path
+    is_sample   True for random wires and repeats: their values are a random sample, so the report does not compare them
     """
 
     name: str

@@ -4,14 +4,14 @@
     seed = 1
     [run]                                   # the settings of every run
     reference = "slow sine"
-    [[vary]]                                # an axis: its lists go together
+    [[vary]]                                # an axis; several lists in it would vary together
     sim.thermocouple.noise_c = [0.05, 0.1, 0.2]
-    [[vary]]                                # another axis: axes are combined
+    [[vary]]                                # another axis
     random_wires = 50
     [references."slow sine"]
     shape = "sine:period_s=56"
 
-The campaign has a run for each combination of the axes.
+The campaign has a run for each combination of the values of all axes.
 """
 
 from __future__ import annotations
@@ -40,9 +40,12 @@ MAIN_METRICS: dict[Experiment, str] = {"track": "rms_percent", "identify": "fit_
 class WireSettings(Section):
     """The simulated wire.
 
-    Without `diameter_mm` it is the wire of the sim file. With `diameter_mm` it is a Flexinol wire from published data,
-    and its data sheet replaces the wire file of the rig. With `seed` it is a random wire around this nominal wire.
-    `kind` is the kind of hysteresis of the random wire; without `kind` it is random too.
+    diameter_mm   take a Flexinol wire of this diameter from published data, in place of the wire of the sim file; its
+                  data sheet replaces the wire file of the rig
+    length_m      length of the Flexinol wire
+    alloy         alloy of the Flexinol wire: low (LT) or high (HT) transformation temperature
+    seed          vary the parameters of the wire at random, with this seed
+    kind          kind of hysteresis of a random wire; by default random
     """
 
     diameter_mm: float | None = Field(default=None, gt=0)
@@ -71,8 +74,9 @@ class RunSettings(Section):
     """The settings of one run.
 
     experiment            track: excite, identify and track; identify: excite and identify; fit: fit a record
-    rig, sim              `file` names a rig file and a sim file; the other keys replace keys of these files. The
-                          devices of a rig are replaced by name: [run.rig.devices.NAME]
+    rig, sim              `file` names the rig file or the sim file; each other key replaces this key of the file.
+                          [run.rig.devices.NAME] replaces keys of the device NAME
+    wire, fit             see WireSettings and FitConfig
     model                 a model file: track with this wire model, without excitation
     record                a log or a CSV file, for the experiment `fit`
     controller            inverse; duhem-inverse; plain-map; feedback-only
@@ -97,14 +101,16 @@ class RunSettings(Section):
 
 
 class AxisConfig(Section):
-    """A table of [[vary]]. Each further key is the path of a setting of `[run]`, with a list of its values or
-    with a grid (see `GridConfig`), such as {low = 0.1, high = 0.4, number = 7}.
+    """An axis: a table of [[vary]].
 
     name           name of the column in the table of results; by default the first path
-    labels         texts for the values; needed if a value is a table
-    random_wires   this number of random wires, with the seeds after the seed of the campaign
-    repeats        this number of runs that differ only in the seed of the noise
+    labels         texts for the values; needed if a value is a list or a table
+    random_wires   this number of random wires; the first has the seed of the campaign, the next one this seed + 1, ...
+    repeats        this number of runs that differ only in their noise; its seeds count up in the same way
     records        a pattern of file names, such as "reel/*.h5"; one run per file
+
+    Each other key is the path of a setting of `[run]`. Its value is a list of values, or a grid (see `GridConfig`) such
+    as {low = 0.1, high = 0.4, number = 7}.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -138,8 +144,9 @@ class GridConfig(Section):
 class ReferenceConfig(Section):
     """A displacement reference: a shape, or a CSV file with `time_s` and `displacement_mm` or `phase`.
 
-    A shape without `low_mm` and `high_mm` moves between the shares `low` and `high` of the identified travel. A phase
-    is a share of this travel. With `smooth`, the run tracks the nearest reference that the wire can follow.
+    A shape without `low_mm` and `high_mm` moves between the shares `low` and `high` of the identified travel. `phase`
+    is a share of this travel, too. With `smooth`, the run tracks the nearest reference that the wire can follow,
+    otherwise the reference as it is.
     """
 
     shape: str | None = None
@@ -158,9 +165,10 @@ class ReferenceConfig(Section):
 
 
 class DisturbanceConfig(Section):
-    """A fault or a change of the simulated bench. Its further keys are the parameters of this fault.
+    """A fault or a change of the simulated bench. Each other key is a parameter of the fault.
 
-    It begins `at_s` after the approach of the reference, or at a random time in the range `between_s`.
+    The fault begins at the time `at_s`, or at a random time in the range `between_s`. Both count from the end of the
+    approach.
     """
 
     model_config = ConfigDict(extra="allow")
@@ -182,9 +190,9 @@ class DisturbanceConfig(Section):
 class ReportConfig(Section):
     """The content of the report.
 
-    metric       the column that is ranked and summarized
-    by           columns whose values make the rows of the summary; by default the axes, without random wires
-    worst_logs   number of worst runs whose logs are kept
+    metric       column that is ranked and summarized; by default `rms_percent`, without tracking `fit_rms_percent`
+    by           columns by which the summary groups the runs; by default all axes except random wires and repeats
+    worst_logs   number of worst tracking runs that are executed again to write their logs
     """
 
     metric: str | None = None

@@ -24,14 +24,14 @@ from smadrive.rig.config import RigConfig
 from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 
 RIG_FILE, SIM_FILE = "in-process", "flexinol-lt-0.15mm"
-"""The rig and the simulated wire of a run that names none."""
+"""The default rig file and the default sim file of a run."""
 
 SERIAL_NUMBER = 1
 """The serial number of every simulated board. A random number would make two equal runs different."""
 
 
 class RunDocuments(NamedTuple):
-    """The content of the files of one run. `sim` is the nominal wire, before `settings.wire.seed` makes it random."""
+    """The content of the files of one run. `sim` is the nominal wire: `wire.seed` of the run has not changed it yet."""
 
     rig: RigConfig
     sim: SimConfig
@@ -103,7 +103,7 @@ def _sim(changes: dict[str, Any], wire: WireSettings, folder: Path) -> SimConfig
 
 
 def _data_sheet(wire: WireSettings, sim: SimConfig, wire_file: str) -> WireDataSheet:
-    """Return the data sheet of the nominal wire: that of the rig, or the published data of a wire by its diameter."""
+    """Return the data sheet of the nominal wire: the wire file of the rig or, with `diameter_mm`, published data."""
     if wire.diameter_mm is None:
         return load_data_sheet(str(config_file(wire_file, WIRE)))
     diameter_m, heat = 1e-3 * wire.diameter_mm, sim.wire
@@ -124,5 +124,5 @@ def _data_sheet(wire: WireSettings, sim: SimConfig, wire_file: str) -> WireDataS
 
 
 def file_path(name: str, folder: Path, kind: Any) -> Path:
-    """Return the path of a file: relative to `folder` if the name ends in .toml, otherwise of the shipped file."""
+    """Return the path of a file: relative to `folder` if `name` ends in .toml, otherwise of the shipped file `name`."""
     return config_file(str(folder / name) if name.endswith(".toml") else name, kind)

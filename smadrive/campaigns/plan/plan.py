@@ -1,7 +1,7 @@
 """The runs of a campaign, in their order, with the files that they read.
 
-The order is that of the axes, the last axis fastest. So runs of one wire follow each other if the wire is an early
-axis. The number of a run is its place in this order, and the table is sorted by it.
+The last axis varies fastest, and the first axis slowest. So runs of one wire follow each other if the wire is the first
+axis. The number of a run is its place in this order, counted from 0. The table of results is sorted by this number.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class CampaignPlan:
         return {axis.name: axis.levels[place] for axis, place in zip(self.axes, self._places(number), strict=True)}
 
     def _places(self, number: int) -> list[int]:
-        """Return the place of the run on each axis."""
+        """Return for each axis the index of the value that the run has."""
         places = []
         for axis in reversed(self.axes):
             number, place = divmod(number, len(axis.levels))
@@ -113,9 +113,10 @@ class CampaignPlan:
 
     @cached_property
     def fingerprint(self) -> str:
-        """The digest of the content of the campaign file and of the files that it names.
+        """The digest of the settings in the campaign file, and of the files that the runs read.
 
-        Two plans with one fingerprint have the same runs.
+        It includes the rig, the simulated wire, models, records and reference files of the runs in `sample`. If a
+        campaign has more than `SAMPLED` runs, a changed file that only other runs read does not change the digest.
         """
         digest = hashlib.sha256(self.config.model_dump_json().encode())
         files: dict[Path, None] = {}
@@ -134,7 +135,7 @@ class CampaignPlan:
 
 
 SAMPLED = 1000
-"""Of a large campaign, this number of runs is checked before the campaign starts. A check takes some 0.3 ms."""
+"""At most this number of runs is checked before the campaign starts. The check of one run takes some 0.3 ms."""
 
 
 def load_plan(name: str) -> CampaignPlan:

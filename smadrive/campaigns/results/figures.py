@@ -26,7 +26,7 @@ MOST_LEVELS = 24
 """An axis with more values gets no plot: its boxes would be too narrow."""
 
 WIDE_RATIO = 30.0
-"""Values that span more than this factor are shown on a logarithmic axis."""
+"""Positive values whose ratio of largest to smallest is above this factor are shown on a logarithmic axis."""
 
 
 def distribution_plot(table: DataFrame, metric: str) -> Plot:
@@ -51,14 +51,17 @@ def distribution_plot(table: DataFrame, metric: str) -> Plot:
 
 
 def axis_plots(plan: CampaignPlan, table: DataFrame, metric: str) -> Iterator[Plot]:
-    """Yield a plot for each axis that is compared: the distribution of the metric at each of its values."""
+    """Yield a plot for each axis except random wires and repeats: the distribution of the metric at each value.
+
+    An axis with one value, or with more than `MOST_LEVELS` values, gets no plot.
+    """
     for axis in plan.axes:
         if not axis.is_sample and 1 < len(axis.levels) <= MOST_LEVELS:
             yield _axis_plot(axis, table, metric)
 
 
 def sensitivity_plot(found: Sequence[ColumnShare], metric: str) -> Plot:
-    """Return the ranking of the columns by their share of the metric's variance."""
+    """Return the plot of the columns, ranked by their share of the rank variance of the metric."""
     shown = list(reversed(found))
     figure, (ax,) = panels((0.28 * len(shown) + 0.6,))
     ax.barh([one.column for one in shown], [100.0 * one.share for one in shown], color=MEASURED, height=0.6)

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 MOST_ROWS = 200
-"""Largest number of rows of the summary on the page, and of errors."""
+"""Largest number of rows of each table on the page: the summary, and the errors."""
 
 LOG_PLOTS = 2
-"""The number of plots of each worst run: tracking and heat."""
+"""Each worst run is shown with this number of plots: tracking and heat."""
 
 
 def write_campaign_report(
@@ -86,7 +86,7 @@ def _tiles(table: DataFrame, metric: str) -> list[tuple[str, str]]:
 
 
 def _two_axes(plan: CampaignPlan, table: DataFrame, metric: str) -> Iterator[Grid]:
-    """Yield the medians over the first two axes that are compared."""
+    """Yield the table of medians over the first two axes, random wires and repeats excepted."""
     compared = [axis for axis in plan.axes if not axis.is_sample and len(axis.levels) > 1]
     if len(compared) < 2:
         return
@@ -126,7 +126,7 @@ def _worst(plan: CampaignPlan, table: DataFrame, metric: str, logs: Mapping[int,
 
 
 def _errors(table: DataFrame) -> Iterator[Grid]:
-    """Yield the errors with their number of runs, and the first run of each."""
+    """Yield the table of errors of tripped and failed runs: for each error, the number of runs and the first run."""
     wrong = table[table["status"] != "done"]
     if wrong.empty:
         return

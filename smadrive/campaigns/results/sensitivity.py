@@ -5,11 +5,15 @@ values, the corrected correlation ratio (epsilon squared) is the share of the va
 
     eps² = 1 - (1 - eta²) (n - 1) / (n - L)         eta² = Σ n_l (mean R_l - mean R)² / Σ (R - mean R)²
 
-n is the number of runs, n_l and R_l those with value l. On a complete grid eta² is the first-order Sobol index of R.
-The correction makes the expected share 0 for an axis without effect. A property of random wires gets a part of the
-share of the wires: eps² of the wires times 1 - (1 - rho²) (m - 1) / (m - 2). m is the number of wires, rho Spearman's
-correlation of the property with the mean rank of each wire. Shares below 0 count as 0. Interactions belong to no share,
-so the shares do not sum up to 1.
+n is the number of runs, n_l the number of runs with value l, and R_l their ranks. On a complete grid eta² is the
+first-order Sobol index of R. The correction makes the expected share 0 for an axis without effect. A property of random
+wires gets a part of the share of the wires:
+
+    share = eps² of the wires · (1 - (1 - rho²) (m - 1) / (m - 2))
+
+m is the number of wires, rho Spearman's correlation of the property with the mean rank of each wire. If each wire has
+only one run, eps² of the wires counts as 1. Shares below 0 count as 0. Interactions belong to no share, so the shares
+do not sum up to 1.
 """
 
 from __future__ import annotations
@@ -36,14 +40,15 @@ FEWEST_WIRES = 12
 """Smallest number of random wires for which their properties get shares."""
 
 WIRES = "wire.seed"
-"""The setting that makes a wire random."""
+"""The path of the setting that makes a wire random."""
 
 
 class ColumnShare(NamedTuple):
     """The share of the metric's rank variance that belongs to one column.
 
-    `lowest` and `highest` are the medians of the metric at the best and at the worst value of the column; of a
-    continuous column, in its lowest and in its highest fifth.
+    For an axis, each value of the column has a median of the metric; `lowest` and `highest` are the extremes of these
+    medians. For a property of random wires, `lowest` and `highest` are the medians of the metric over the fifth of the
+    runs with the lowest, and with the highest values of the property.
     """
 
     column: str

@@ -1,6 +1,7 @@
 """Median and worst of a metric for each combination of values, and the worst runs.
 
-A run that tripped or failed has no metric. The summary counts these runs apart, and they rank worse than any number.
+A run that tripped or failed has no tracking error. The summary counts these runs in columns of their own, and they rank
+as worse than every other run, whatever the metric.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The tables of a campaign as Parquet files: results and effort.
 
 The table of results has a row for each run, sorted by its number, with the axes first. The same campaign gives the same
-file, to the last bit. Times of day, durations and processes differ each time, so they are in a table of their own.
+file, to the last bit. Times of day, durations and processes differ each time, so they are in the table of effort.
 
     pandas.read_parquet("results.parquet")                                         a table
     pandas.read_parquet("results.parquet").set_index([AXES]).to_xarray()           a grid
@@ -83,7 +83,7 @@ def write_table(table: DataFrame, path: Path) -> str:
 
 
 def _series(column: ResultColumn, values: Sequence[Any]) -> Series[Any]:
-    """Return the values of a column with their type. A missing number is NaN, a missing text is empty."""
+    """Return the values of a column with their type. A missing number is NaN, a missing bool NA, a missing text ""."""
     from pandas import Series  # noqa: PLC0415 (a command that fails early needs no pandas)
 
     if column.kind is str:

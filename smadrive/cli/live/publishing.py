@@ -1,4 +1,4 @@
-"""The option `--publish`: what a command publishes, and what it says about it."""
+"""The option `--publish`: what a command publishes, and what it prints about the publication."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Publish = Annotated[
 ]
 
 OFF_BY_MQTT = "`off` from the broker"
-"""The text of a stop by MQTT, as an ending of `stopped by`."""
+"""The text after `stopped by` if the message `off` of the broker has stopped the run."""
 
 MODES = {"run": "tracking", "excite": "exciting", "heat": "heating", "watch": "off"}
 """The published `mode` of each command while its ticks arrive."""
@@ -46,7 +46,7 @@ class RunPublication:
         self._publication = publication
 
     def begin(self, rig: Rig) -> None:
-        """Publish the devices of the open rig. From now on, `off` from the broker stops it if its file permits it."""
+        """Publish the devices of the open rig. From now on, if the rig file permits it, `off` by MQTT stops the run."""
         if self._feed is not None and self._publication is not None:
             self._feed.begin(rig)
             self._publication.on_off = lambda: rig.stop.request(OFF_BY_MQTT)
@@ -66,11 +66,11 @@ class RunPublication:
 
     @property
     def takers(self) -> list[TickHandler]:
-        """The functions that publish a tick: one or none."""
+        """The functions that publish a tick: one, or none without `--publish`."""
         return [] if self._feed is None else [self._feed.tick]
 
     def result(self) -> dict[str, Any]:
-        """Return the counts for `--json`: the key `published`, or no key without `--publish`."""
+        """Return the counts for `--json` under the key `published`; an empty dict without `--publish`."""
         return {} if self._publication is None else {"published": self._publication.counts._asdict()}
 
 
@@ -90,7 +90,7 @@ def each(takers: list[TickHandler]) -> TickHandler:
 def run_publication(url: str | None, config: RigConfig, command: str, output: Output) -> Iterator[RunPublication]:
     """Publish to the broker at `url` during the `with` block, which opens and closes the rig.
 
-    The end of the block prints how many samples the broker has got. If `url` is None, nothing is published.
+    At the end of the block, print how many samples the broker has got. If `url` is None, nothing is published.
     """
     if url is None:
         yield RunPublication(None, None)
@@ -110,7 +110,10 @@ def run_publication(url: str | None, config: RigConfig, command: str, output: Ou
 def open_publication(
     url: str, config: RigConfig, command: str, writer: SharedWriter, output: Output
 ) -> Iterator[Publication]:
-    """Publish what `writer` gets during the `with` block. Say whether the broker answers, and at the end the counts."""
+    """Publish what is written to `writer` during the `with` block.
+
+    Print at the beginning whether the broker answers, and at the end the counts of samples and connections.
+    """
     from smadrive.telemetry.address import parse_address  # noqa: PLC0415
     from smadrive.telemetry.publication import Publication  # noqa: PLC0415
 

@@ -1,4 +1,4 @@
-"""The commands of `smadrive` by name, and the options before a command."""
+"""The commands of `smadrive` by name, and the options that stand before a command."""
 
 from __future__ import annotations
 
@@ -83,4 +83,4 @@ def _options(
 
 
 def _not_imported() -> None:
-    """Do nothing: the placeholder of a command that the help lists and this process does not run."""
+    """Do nothing. Stands for each command that the help lists but this process does not execute."""

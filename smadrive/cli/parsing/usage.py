@@ -1,6 +1,7 @@
-"""The help of the commands: examples, and placeholders in capital letters. A flag shows no type.
+"""The help of the commands: examples, and a placeholder such as FILE for the value of each option.
 
-typer shows the Python types of arguments and options, also `<bool>` for a flag that takes no value.
+By default typer shows the Python type in place of the placeholder, even `<bool>` for a flag, which takes no value.
+Here a flag shows nothing.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ def epilog_of(command: str) -> str:
 
 
 class PlainCommand(TyperCommand):
-    """A command whose help has placeholders in capital letters."""
+    """A command whose help shows placeholders in place of types."""
 
     def get_params(self, *arguments: Any, **options: Any) -> Any:
         """Return the parameters, with their placeholders."""
@@ -98,7 +99,7 @@ class PlainGroup(TyperGroup):
 
 
 def _with_placeholders(params: Any) -> Any:
-    """Return the parameters with their placeholders, and with clear errors for mistyped values."""
+    """Return the parameters with their placeholders, and with ConfigError for mistyped values."""
     for param in params:
         conversion = {} if "process_value" in vars(param) else {"process_value": checked_conversion(param)}
         vars(param).update(_shown_as(param) | conversion)
@@ -106,7 +107,10 @@ def _with_placeholders(params: Any) -> Any:
 
 
 def _shown_as(param: Any) -> dict[str, object]:
-    """Return the attributes of a parameter that the help shows: an argument by its name, a flag without a value."""
+    """Return the attributes that set what the help shows for the value of a parameter.
+
+    This is the name of an argument, nothing for a flag, and a placeholder for another option.
+    """
     if param.param_type_name == "argument":
         return {"metavar": param.name.upper(), "display_type_rich": _nothing}
     if getattr(param, "is_flag", False):

@@ -1,4 +1,4 @@
-"""Checks of the values of options: each mistyped value is an error with its cure.
+"""Checks of the values of options and arguments. A mistyped value raises a ConfigError that says what to write.
 
 typer's own messages name the type of a value, but not what the user must write instead.
 """
@@ -18,9 +18,9 @@ from smadrive.files.spelling import suggestion_or_list
 
 
 def checked_conversion(param: Any) -> Callable[[Any, Any], Any]:
-    """Return the conversion of `param`, a parameter of a command, with ConfigError for a mistyped value.
+    """Return a function that converts a value as typer does for `param`, but raises ConfigError for a mistyped value.
 
-    While a shell completes a line, the conversion stays as it is.
+    While a shell completes a line, errors stay those of typer.
     """
     convert = param.process_value
 
@@ -41,9 +41,10 @@ def checked_conversion(param: Any) -> Callable[[Any, Any], Any]:
 def check_text(
     where: str, text: str, annotation: object, limits: tuple[float | None, float | None] = (None, None)
 ) -> None:
-    """Raise ConfigError if `text` is not a value of the type `annotation`: a name of an enumeration, or a number.
+    """Raise ConfigError for `text`, which typer has rejected as a value of the type `annotation`.
 
-    ConfigError also for a number outside `limits`, the smallest and the largest value; None is no limit.
+    For an enumeration, the cure names the possible values. For a number, the error says whether the text is no number
+    or is outside `limits`, the smallest and the largest value (None: no limit). Other types raise nothing.
     """
     if isinstance(annotation, type) and issubclass(annotation, Enum):
         names = [str(member.value) for member in annotation]
@@ -93,7 +94,7 @@ def _place(param: Any) -> str:
 
 
 def _annotation(param: Any) -> object:
-    """Return the type of the values of `param`, or None if typer does not tell it."""
+    """Return the type of the values of `param`, or None if typer does not know it."""
     return getattr(getattr(param, "type_descriptor", None), "annotation", None)
 
 

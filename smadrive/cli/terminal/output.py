@@ -42,8 +42,8 @@ class Output:
     def table(self, header: Sequence[str], rows: Iterable[Sequence[str]], *, notes: bool = False) -> None:
         """Print a table for a person: names in the first column, numbers in the others.
 
-        With `notes`, the last column holds text. Where the terminal is too narrow for the numbers, the table becomes a
-        list.
+        With `notes`, the last column holds text, too. If the terminal is too narrow for the numbers, the table becomes
+        a list.
         """
         if self.quiet:
             return
@@ -60,13 +60,13 @@ class Output:
             print(*list_lines(header, shown), sep="\n")
 
     def result(self, values: Mapping[str, Any]) -> None:
-        """Print the JSON object for a program. JSON has no NaN: an unknown number becomes null."""
+        """With `--json`, print this JSON object. JSON has no NaN, so NaN and infinity become null."""
         if self.quiet:
             json.dump(_without_nan(values), sys.stdout, indent=2, allow_nan=False)
             print()
 
     def json_line(self, values: Mapping[str, Any]) -> None:
-        """Print a JSON object for a program in one line, with null for an unknown number."""
+        """With `--json`, print this JSON object in one line. NaN and infinity become null."""
         if self.quiet:
             print(json.dumps(_without_nan(values), allow_nan=False))
 

@@ -2,9 +2,9 @@
 
 Each line is written at once. So the command that prints the line gets the error, and can still switch the heater off.
 
-A reader that closes its pipe early, as `head` does, neither ends the work nor changes its exit code: the rest of the
-output is dropped. Only `watch` ends then. The output of `off` goes to standard error if standard output fails in any
-way, and its exit code is that of the heater. A failed write to standard error is dropped in every command.
+If a reader closes the pipe early, as `head` does, the command goes on with the same exit code, and the rest of its
+output is dropped. Only `watch` ends then. If standard output fails in any way, `off` writes to standard error, and the
+failed write does not change the exit code of `off`. In every command, a failed write to standard error is ignored.
 
 A character that the encoding of an output does not have is replaced by other characters: in ASCII, "°C"
 becomes "deg C".
@@ -29,11 +29,14 @@ _SUBSTITUTING = "smadrive-substitutes"
 
 
 def _substitute(error: UnicodeError) -> tuple[str | bytes, int]:
-    """Return the substitute for the first character that cannot be encoded. A byte of a file name stays as it is."""
+    """Return the substitute for the first character that cannot be encoded, and the index after this character.
+
+    A byte of a file name that is not UTF-8 stays as it is.
+    """
     if not isinstance(error, UnicodeEncodeError):
         raise error
     character = error.object[error.start]
-    if "\udc80" <= character <= "\udcff":  # how Python holds a byte of a file name that is not UTF-8
+    if "\udc80" <= character <= "\udcff":  # surrogateescape: a byte that is not UTF-8
         return bytes((ord(character) - 0xDC00,)), error.start + 1
     return SUBSTITUTES.get(character, "?"), error.start + 1
 
@@ -44,14 +47,14 @@ def encodable(text: str) -> str:
 
 
 class _Stdout(io.FileIO):
-    """Standard output. After the first failure, output goes to the descriptor `spare`, or is dropped without it."""
+    """Standard output. After a failed write, output goes to the descriptor `spare`; if `spare` is None, it is lost."""
 
     has_failed = False
     is_unread = False
     spare: int | None = None
 
     def write(self, content: ReadableBuffer, /) -> int:
-        """Write the content. A failure raises ConfigError, unless there is a spare or the reader is gone."""
+        """Write the content. ConfigError if this fails, unless `spare` is set or the reader has closed the pipe."""
         if self.has_failed:
             return self._write_to_spare(content)
         try:
@@ -109,7 +112,7 @@ def is_unread() -> bool:
 
 
 def use_stderr_if_stdout_fails() -> None:
-    """From now on, write a text to standard error if it cannot be written to standard output."""
+    """From now on, if a write to standard output fails, write this text and all later ones to standard error."""
     raw = _raw_stdout()
     if raw is not None and sys.stderr is not None:
         raw.spare = sys.stderr.fileno()

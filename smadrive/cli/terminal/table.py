@@ -15,7 +15,7 @@ NUMBER = re.compile(r"[-+±<>\[]?\s?\d")
 """The beginning of a cell that is not wrapped."""
 
 LONGEST_WORD = 16
-"""Longer words without a digit may be broken."""
+"""Longer words without a digit may be broken; in characters."""
 
 BORDER, PADDING = 1, 2
 """Characters of a column for its border and for the spaces around its texts; the table has one more border."""
@@ -67,9 +67,9 @@ def _has_digit(word: str) -> bool:
 
 
 def _fitted(natural: list[int], least: list[int], width: int) -> list[int] | None:
-    """Return widths of the columns that fit into `width`; None if there are none.
+    """Return widths of the columns with which the table is at most `width` wide; None if this is impossible.
 
-    The widths begin at `natural`. The widest is reduced first, and none becomes smaller than in `least`.
+    The widths begin at `natural`. The widest column is reduced first, and no column becomes narrower than in `least`.
     """
     widths = natural
     excess = sum(widths) + len(widths) * (BORDER + PADDING) + BORDER - width

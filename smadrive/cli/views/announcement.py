@@ -30,7 +30,7 @@ def announce(output: Output, log_file: Path, what: str, duration_s: float, clock
 def announced(
     output: Output, log_file: Path, what: str, clock: Clock, watch: Watch, excitation: Excitation | None = None
 ) -> Watch:
-    """Return a Watch that announces the experiment, and its `excitation` if there is one, and then calls `watch`."""
+    """Return a Watch that prints the announcement of `what`, and of `excitation` if given, and then calls `watch`."""
 
     def both(recorder: TickRecorder, duration_s: float) -> AbstractContextManager[TickHandler]:
         announce(output, log_file, what, duration_s, clock)

@@ -26,7 +26,7 @@ MOST_ROWS = 40
 class CampaignView:
     """The progress bar of a campaign on stderr, if stderr is a terminal. A context manager.
 
-    `elapsed_s` is the time since the beginning.
+    After the `with` block, `elapsed_s` is the duration of the block.
     """
 
     def __init__(self, count: int, done: int, output: Output) -> None:
@@ -62,7 +62,7 @@ class CampaignView:
 
 
 def estimate_line(plan: CampaignPlan, done: int, estimate: CampaignEstimate, threads: int) -> str:
-    """Return the line that tells runs, time and disk space before the start."""
+    """Return the line before the start: the number of runs, how many are `done`, and the estimated time and space."""
     before = f" ({done} are done)" if done else ""
     identifications = f", {estimate.identifications} identifications" if estimate.identifications else ""
     workers = f"{threads} worker{'s' if threads > 1 else ''}"
@@ -97,7 +97,7 @@ def print_summary(output: Output, plan: CampaignPlan, result: CampaignResult) ->
 
 
 def _failures(result: CampaignResult) -> list[str]:
-    """Return a warning with the first error, if runs failed."""
+    """Return a warning with the number of failed runs and the first error; an empty list if no run failed."""
     failed = result.table[result.table["status"] == "failed"]
     if failed.empty:
         return []

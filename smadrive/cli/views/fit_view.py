@@ -104,7 +104,10 @@ def _yes(holds: bool) -> str:
 
 
 def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:
-    """Return a row for each parameter of the heat balance: name, value, and half of its 95 % confidence interval."""
+    """Return a row for each parameter of the heat balance: name, value, and half of its 95 % confidence interval.
+
+    The time constant has no interval, because it follows from heat capacity and loss.
+    """
     balance, within = thermal.balance, {name: f"±{100 * value:.1f} %" for name, value in thermal.within.items()}
     return [
         ("heat capacity", f"{1e3 * balance.heat_capacity_j_per_k:.2f} mJ/K", within["heat_capacity_j_per_k"]),

@@ -17,9 +17,10 @@ END_KEYS = b"qQ"
 
 @contextmanager
 def end_key() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns True after q was pressed. It never waits. Without a terminal, it returns False.
+    """Yield a function that returns True if q was pressed since its last call. It never waits.
 
     During the `with` block, the terminal passes each key on at once and does not show it; Ctrl-C keeps its effect.
+    Without a terminal, the function always returns False.
     """
     terminal = _own_terminal()
     if terminal is None:
@@ -52,7 +53,7 @@ def end_interrupt() -> Iterator[Callable[[], bool]]:
 
 
 def _own_terminal() -> int | None:
-    """Return the descriptor of the terminal at standard input; None without a terminal, and in the background."""
+    """Return the descriptor of the terminal at standard input; None without a terminal, and for a background job."""
     try:
         descriptor = sys.stdin.fileno()
         is_own = os.isatty(descriptor) and os.tcgetpgrp(descriptor) == os.getpgrp()

@@ -10,7 +10,7 @@ from smadrive.wire.wire_model import WireModel
 
 
 def resistance_rows(record: RecordFit) -> list[tuple[str, str, str]]:
-    """Return a row for each property of the resistance: name, value, and half of its 95 % interval or a meaning."""
+    """Return a row for each property of the resistance: name, value, half of its 95 % interval or an explanation."""
     if record.resistance is None:
         return [("by resistance", "no", "the resistance cannot measure the displacement")] if record.thermal else []
     fit, resistance = record.resistance, record.resistance.resistance
@@ -29,7 +29,10 @@ def resistance_rows(record: RecordFit) -> list[tuple[str, str, str]]:
 
 
 def resistance_sentences(record: RecordFit) -> tuple[str, ...]:
-    """Return what limits the displacement by the resistance, or why the resistance cannot measure it."""
+    """Return sentences on the limits of the displacement by resistance; empty for a fit without a heat balance.
+
+    If the resistance cannot measure the displacement, the only sentence gives the reason.
+    """
     if record.thermal is None:
         return ()
     if record.resistance is None:
@@ -40,7 +43,7 @@ def resistance_sentences(record: RecordFit) -> tuple[str, ...]:
 
 
 def resistance_result(record: RecordFit) -> dict[str, object] | None:
-    """Return the resistance with its intervals as a JSON object; None without resistance."""
+    """Return the resistance with its intervals as a JSON object; None if it cannot measure the displacement."""
     if record.resistance is None:
         return None
     fit = record.resistance

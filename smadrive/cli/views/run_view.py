@@ -24,12 +24,12 @@ DRAWN_PER_S = 5
 BAR = 40
 """Greatest length of the progress bar, in characters."""
 NAME, VALUE, GAP = 12, 11, 3
-"""Widths of a name, of its value, and of the gap to the next name."""
+"""Widths of a name, of its value, and of the gap to the next name, in characters."""
 WIDE = 120
-"""Width of a terminal that shows every row in one line."""
+"""Width of a terminal that shows every row in one line, in characters."""
 
 GIVE_WAY_S = 0.0005
-"""The drawing thread gives the interpreter to the waiting loop after this time. Python's default is 5 ms."""
+"""If the loop waits for Python's interpreter lock, the drawing thread gives it up after this time (default 5 ms)."""
 
 
 class RunView:
@@ -120,7 +120,7 @@ def watched(
 
 
 def shown(title: str, current_max_a: float, *, quiet: bool) -> Watch:
-    """Return the display of an experiment (see `watched`)."""
+    """Return a Watch that shows an experiment on the terminal (see `watched`)."""
     return lambda recorder, duration_s: watched(recorder, title, duration_s, current_max_a, quiet=quiet)
 
 

@@ -1,6 +1,6 @@
 """The display of `tune` in its terminal: the state of the heater, live values, the open pages.
 
-The display shows the status that the session publishes and the number of open pages. So it also works without a page.
+The display shows the status that the session publishes and the number of open pages. It needs no open page.
 On a terminal the display is live; a pipe or a file gets a line at each change. A thread writes the display: a blocked
 terminal or pipe stops that thread, not the loop.
 """
@@ -33,7 +33,11 @@ _HEATER = {
 
 
 class TuneView:
-    """The display of a session. `channel` gives its status, `page` the address of the page and failed restarts."""
+    """The display of a session.
+
+    `channel` gives the status of the session. `page` gives the address of the page, and tells which of its processes
+    could not be restarted.
+    """
 
     def __init__(self, name: str, page: TuningPage, channel: ControlEnd) -> None:
         self._name = name

@@ -1,4 +1,4 @@
-"""The display of `watch`: live values and a plot of the last minute on a terminal, a line a second elsewhere."""
+"""The display of `watch`: live values and a plot of the last minute on a terminal, one line per second elsewhere."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from smadrive.cli.views.run_view import drawing, number
 from smadrive.control.loop import Tick, TickHandler
 
 WINDOW_S = 60.0
-"""The time that a plot shows."""
+"""The time that a plot shows, s."""
 
 LINE_S = 1.0
-"""The time between two lines for a pipe or a file."""
+"""The time between two lines for a pipe or a file, s."""
 
 LEVELS = "▁▂▃▄▅▆▇█"
 PLOT_ROWS = 4
 LABEL = 12
-"""Width of the numbers beside a plot."""
+"""Width of the numbers beside a plot, in characters."""
 
 QUANTITIES = (
     ("temperature", "temperature_c", 2, "°C", 1.0),
@@ -31,7 +31,7 @@ QUANTITIES = (
     ("current", "current_a", 4, "A", inf),
     ("voltage", "voltage_v", 3, "V", inf),
 )
-"""Name, attribute of a measurement, digits, unit, and the smallest span of its plot, which is infinite for no plot."""
+"""Name, attribute of a Measurement, decimal places, unit, smallest span of the value axis (inf: no plot)."""
 
 
 class Extremes:
@@ -130,7 +130,7 @@ def _value_text(tick: Tick, attribute: str, digits: int, unit: str) -> str:
 
 @contextmanager
 def watched_values(name: str, output: Output) -> Iterator[TickHandler]:
-    """Yield the function that shows each measurement: live, as a line a second, or as JSON lines."""
+    """Yield the function that shows each measurement: live, as one line per second, or as a JSON object."""
     console = Console(stderr=True)
     if output.quiet:
         yield lambda tick: output.json_line({**tick.measurement._asdict(), "time_s": tick.time_s})

@@ -27,7 +27,10 @@ def dumps(value: Any) -> bytes:
 
 
 def _with_origin(code: CodeType) -> tuple[Any, ...]:
-    """Return the reduced code object for pickle. Lines are sent only if the file does not exist."""
+    """Return the function and the arguments with which unpickling restores the code object.
+
+    The lines of the code are sent only if its file does not exist.
+    """
     name = code.co_filename
     lines = None if Path(name).exists() else linecache.getlines(name)
     kind, arguments = _reduced(code)[:2]
@@ -44,6 +47,6 @@ def _restored(
 
 
 class _CodePickler(cloudpickle.Pickler):  # type: ignore[misc]  # cloudpickle has no types
-    """cloudpickle's pickler with another reducer of code objects."""
+    """cloudpickle's pickler, except that code objects are pickled by `_with_origin`."""
 
     dispatch_table: ClassVar = ChainMap({CodeType: _with_origin}, cloudpickle.Pickler.dispatch_table)

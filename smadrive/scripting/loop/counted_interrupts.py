@@ -1,4 +1,4 @@
-"""Counts Ctrl-C and interruptions of a kernel while the loop process works for a script. Nothing is raised."""
+"""Counts Ctrl-C and interruptions of a kernel during a request to the loop process. Nothing is raised in the script."""
 
 from __future__ import annotations
 

@@ -117,18 +117,17 @@ class LoopClient:
 
     @property
     def ending(self) -> str:
-        """The end of the loop process as text, and its cure; empty while the process runs."""
+        """Text that says that the loop process has ended, and what to do; empty while the process runs."""
         if not self._is_lost:
             return ""
         return f"{'loop process ended' if self._stop is None else self._stop}, open the rig again"
 
     def call(self, request: Any, show: Show = show_nothing) -> Any:
-        """Send a request. Return its result or raise its error. `show` gets the progress of a run.
+        """Send a request. Return its result or raise its error. `show` is called with the progress of a run.
 
-        KeyboardInterrupt is raised after an interruption, when the process has confirmed that the heater is off.
-        Its message says so.
-        StoppedError if `smadrive off` has stopped the process, now or since the last call. LoopProcessError if the
-        process has died. ControllerError if a controller cannot be pickled.
+        KeyboardInterrupt after an interruption, once the request has ended at zero current. StoppedError if
+        `smadrive off` has stopped the process during this call or before it. LoopProcessError if the process has died.
+        ControllerError if a controller cannot be pickled.
         """
         with self._one_call, CountedInterrupts() as interrupts:
             message = pickled(request)
@@ -144,7 +143,7 @@ class LoopClient:
         return reply.value
 
     def command(self, servo_id: str, command: ServoCommand) -> None:
-        """Send a command to the servo whose request is being carried out, or will be."""
+        """Send a command to the servo `servo_id`. A command that arrives before the ServoRequest waits for it."""
         self._send(COMMAND + pickle.dumps((servo_id, command)))
 
     def end(self) -> None:
@@ -200,7 +199,7 @@ class LoopClient:
         )
 
     def _send(self, message: bytes) -> None:
-        """Send a message whole: a long one takes two writes, and another thread may send a command meanwhile."""
+        """Send a message under a lock: a long message takes two writes, and no other thread may write between them."""
         with self._one_message, suppress(OSError):  # the process has ended; the listening thread notices the end
             self._connection.send_bytes(message)
 
@@ -228,8 +227,8 @@ class LoopClient:
 def _explained(error: BaseException) -> BaseException:
     """Return the error to raise in the script.
 
-    The message of a KeyboardInterrupt tells that the heater is off. The message of a BusyError tells that this script
-    uses the line.
+    The message of a KeyboardInterrupt says that the heater is off, if this is confirmed. The message of a BusyError
+    says if it is this script that uses the line.
     """
     outcome = shutdown_of(error)
     if isinstance(error, KeyboardInterrupt) and outcome is not None and outcome.confirmed:

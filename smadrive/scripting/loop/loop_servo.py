@@ -1,8 +1,9 @@
 """A servo in the loop process: it holds the wire, and moves it as the script commands while the loop runs.
 
-Every motion is a new reference, whose controller takes over the state of the old one, so the current does not jump.
-Commands are read before each tick; nothing here waits for the script. In virtual time the loop waits for the next
-command when no motion is left: otherwise hours would pass while the script thinks.
+Every motion is a new reference with a controller of its own. This controller takes over the state of the previous one,
+so the current does not jump. Commands are read before each tick. In real time the loop never waits for the script. In
+virtual time the loop waits for the next command when no motion is left: otherwise hours of virtual time would pass
+until the script sends it.
 """
 
 from __future__ import annotations
@@ -50,19 +51,23 @@ NAME = "servo"
 
 
 class ServoLink(Protocol):
-    """The link to the script, as a servo needs it."""
+    """The part of the link to the script that a servo uses."""
 
     def next_command(self, servo_id: str, *, waits: bool) -> ServoCommand | None:
-        """Return the next command for a servo. Without one, wait or return None."""
+        """Return the next command for a servo. If there is none, wait for it (`waits`) or return None."""
         ...
 
     def report(self, report: ServoReport, *, waits: bool) -> bool:
-        """Send a report, and return True. If the script does not read, wait or return False."""
+        """Send a report, and return True. If the script does not read, wait (`waits`) or return False."""
         ...
 
 
 class LoopServo:
-    """The controller of a servo with `wire`, whose heat balance is that of the rig's wire. Nothing is heated yet."""
+    """The controller of a servo: it holds the wire, and moves it as the commands of `link` say.
+
+    If `wire` has no heat balance, the controller uses the nominal heat balance of the rig. The constructor measures
+    once, and heats nothing.
+    """
 
     duration_s = inf
 
@@ -159,7 +164,7 @@ class LoopServo:
             self._motion = None
 
     def _send(self) -> None:
-        """Send the waiting ticks and ends. The ends come with the last ticks."""
+        """Send the waiting ticks and the ends of motions. The ends go with the last of these ticks."""
         while self._ticks or self._ended:
             ticks = tuple(islice(self._ticks, TICKS_AT_ONCE))
             is_last = len(ticks) == len(self._ticks)

@@ -20,13 +20,16 @@ from smadrive.runs.log.reader import RunEvent
 from smadrive.wire.identified_wire import IdentifiedWire
 
 REQUEST, INTERRUPT, END, COMMAND = b"R", b"I", b"E", b"C"
-"""The first byte of a message to the loop process: carry out a request, interrupt a request, end the process.
+"""The first byte of a message to the loop process.
 
-COMMAND is for a servo, whose request is still being carried out.
+REQUEST     carry out a request
+INTERRUPT   interrupt the request that is being carried out
+END         end the process
+COMMAND     a command for the servo whose request is being carried out
 """
 
 NUMBER_BYTES = 8
-"""The number of the request follows the first byte, in this many bytes."""
+"""In a REQUEST, the number of the request follows the first byte, in this number of bytes."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,7 @@ class TrackRequest:
 
 @dataclass(frozen=True)
 class DriveRequest:
-    """Run the user's controller on a wire for `duration_s`, or, if None, for the `duration_s` of the controller."""
+    """Run the user's controller on a wire for `duration_s`. If this is None, the controller gives the duration."""
 
     log_file: Path
     controller: Any
@@ -125,7 +128,7 @@ AnyScriptRequest = (
 
 
 class OpenedRig(NamedTuple):
-    """The result of an OpenRequest: the devices as text by their names, whether time is virtual, what is measured."""
+    """The result of an OpenRequest: identities of the devices by name, kind of time, and measured quantities."""
 
     identities: dict[str, str]
     is_virtual: bool
@@ -133,7 +136,10 @@ class OpenedRig(NamedTuple):
 
 
 class DrivenRun(NamedTuple):
-    """The result of a run: the counts of its loop, the user's controller as it was after the run, caveats about it."""
+    """The result of a run: the counts of the loop, the user's controller after the run, and caveats about it.
+
+    `controller` is None if the run had no such controller, or if it cannot be pickled.
+    """
 
     ticks: int
     missed_deadlines: int

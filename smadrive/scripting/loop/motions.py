@@ -20,7 +20,7 @@ class MoveMotion:
         self.is_over = False
 
     def update(self, tick: Tick, reference_s: float) -> Iterator[MotionEnd]:
-        """Yield the end of the motion when it is done or has failed. `reference_s` is the time since it began."""
+        """Yield the end of the motion when it is done or has failed. `reference_s` counts from its beginning."""
         command, error_mm = self._command, _displacement_mm(tick) - self._command.setpoint_mm
         if not abs(error_mm) <= command.tolerance_mm:  # also for NaN
             self._within_since_s = None
@@ -35,7 +35,7 @@ class MoveMotion:
             yield MotionEnd(command.number, self._not_reached(error_mm))
 
     def superseded(self) -> Iterator[MotionEnd]:
-        """Yield the end of a motion that another motion replaces."""
+        """Yield the end of this motion, which fails because another motion replaces it."""
         yield MotionEnd(self._command.number, _superseded(f"move to {self._command.setpoint_mm:g} mm"))
 
     def _not_reached(self, error_mm: float) -> MotionError:
@@ -50,7 +50,10 @@ class MoveMotion:
 
 
 class FollowMotion:
-    """The motions of a FollowCommand, whose reference includes the approach. `is_over` is True after the last end."""
+    """The two motions of a FollowCommand: the approach, and the approach with the reference.
+
+    `command.reference` includes the approach. `is_over` is True after the end of the reference.
+    """
 
     def __init__(self, command: FollowCommand) -> None:
         self._command = command
@@ -68,7 +71,7 @@ class FollowMotion:
             yield MotionEnd(self._command.number, None)
 
     def superseded(self) -> Iterator[MotionEnd]:
-        """Yield the ends of the motions that another motion replaces."""
+        """Yield the ends of those of the two motions that have not ended. They fail: another motion replaces them."""
         numbers = (self._command.number,) if self._is_begun else (self._command.begun_number, self._command.number)
         for number in numbers:
             yield MotionEnd(number, _superseded("reference"))

@@ -22,7 +22,7 @@ from smadrive.scripting.loop.messages import ScriptEndedError
 FAR_BEYOND = 20.0
 """A commanded current above this multiple of current_max_a is an error, for example a current in milliamperes.
 
-Smaller currents beyond the limit are clamped, as every controller with a large gain needs it.
+A current between current_max_a and this multiple is clamped, because a controller with a large gain may command it.
 """
 
 FASTER = "make update faster than the period, or lower rate_hz in the rig file"
@@ -33,7 +33,7 @@ RETURN_A_COMMAND = "return smadrive.Command(commanded_a=…) from update"
 class Pace(NamedTuple):
     """The times that a rig allows: the period of its loop, and the longest time without a measurement, both in s.
 
-    `is_virtual` is True for a rig in virtual time, which waits for `update` however long it takes.
+    `is_virtual` is True for a rig in virtual time. Such a rig waits for `update` without a limit.
     """
 
     period_s: float = inf
@@ -45,13 +45,13 @@ UNTIMED = Pace()
 
 
 class OwnController:
-    """Any object with `update(time_s, measurement, dt_s) -> Command`, as the loop needs it.
+    """A controller for the loop, around any object with `update(time_s, measurement, dt_s) -> Command`.
 
-    The run lasts `duration_s`, or as long as the attribute `duration_s` of the controller says. ControllerError when
-    `update` returns something other than a command, or a current that is not a finite number or is above `FAR_BEYOND`
-    times `current_max_a`, and when `update` takes longer than `pace` allows. Errors that `update` raises pass
-    unchanged. `update` runs inside `at_once`, so an interruption may end it at any place. `now_s` returns the real
-    time. `slowest_s` is the longest time that `update` has taken.
+    The run lasts `duration_s` or, if this is None, as long as the attribute `duration_s` of the object says.
+    ControllerError when `update` returns no command, or commands a current that is not finite or is above `FAR_BEYOND`
+    times `current_max_a`; in real time also when `update` takes longer than `pace.longest_s`. Other errors of `update`
+    pass unchanged, but a SystemExit becomes a ControllerError. `update` runs inside `at_once`, so an interruption may
+    end it at any place. `now_s` returns the real time. `slowest_s` is the longest time that `update` has taken.
     """
 
     def __init__(
@@ -101,7 +101,10 @@ class OwnController:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """One sentence about the effect of a slow `update`, in real time or on a real rig; empty for a fast one."""
+        """One sentence if `update` was slow, otherwise empty.
+
+        Slow means longer than the period in real time. In virtual time it means that a rig in real time would trip.
+        """
         pace = self._pace
         if self.slowest_s <= (pace.longest_s if pace.is_virtual else pace.period_s):
             return ()
@@ -133,7 +136,7 @@ class OwnController:
             )
 
     def _number(self, name: str, value: object) -> float:
-        """Return a part of a command as a float. ControllerError when it is not a number."""
+        """Return the field `name` of a command as a float. ControllerError when `value` is not a number."""
         return real_number(value, f"{self.name}, {name} of the command", ControllerError)
 
 

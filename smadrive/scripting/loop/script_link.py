@@ -58,7 +58,7 @@ class ScriptLink:
         self._is_interruptible = self._is_ending = False
         self._acts_at_once = True
         self.stop_requested = never
-        """Called at an interruption. True means that `smadrive off` has sent it. The rig is then closed, too."""
+        """Called at an interruption. True means that `smadrive off` sent the interruption; the rig is then closed."""
         self._pending: type[BaseException] | None = None
         self._loop_thread = threading.main_thread().ident or 0
         signal.signal(signal.SIGINT, self._interrupt)
@@ -67,7 +67,10 @@ class ScriptLink:
         threading.Thread(target=self._listen, name="link to the script", daemon=True).start()
 
     def request(self) -> Any:
-        """Wait for the next request and return it. Raises ScriptEndedError at the end, and any error of unpickling."""
+        """Wait for the next request and return it.
+
+        Raises ScriptEndedError if the script has ended, and any error of unpickling.
+        """
         if self._is_ending:
             raise ScriptEndedError
         message = self._requests.get()
@@ -115,7 +118,7 @@ class ScriptLink:
         yield record
 
     def next_command(self, servo_id: str, *, waits: bool) -> ServoCommand | None:
-        """Return the next command for the servo `servo_id`. If there is none, wait for it, or return None.
+        """Return the next command for the servo `servo_id`. If there is none, wait for it (`waits`) or return None.
 
         Commands for an earlier servo are dropped. A signal ends the waiting.
         """
@@ -131,7 +134,7 @@ class ScriptLink:
                 return found
 
     def report(self, report: ServoReport, *, waits: bool) -> bool:
-        """Send a report of the servo, and return True. If the script does not read, wait or return False."""
+        """Send a report of the servo, and return True. If the script does not read, wait (`waits`) or return False."""
         if not waits and not self._is_writable():
             return False
         self._send(pickle.dumps((self._number, report)))

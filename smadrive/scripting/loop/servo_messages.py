@@ -1,6 +1,6 @@
 """The messages between a servo of a script and the loop process: commands, and reports of the loop.
 
-Each command has the number of a motion. The loop reports the end of the motion with this number.
+Each command except StopCommand has the number of a motion. The loop reports the end of this motion by its number.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from smadrive.errors import SmadriveError
 class MoveCommand(NamedTuple):
     """Move to `setpoint_mm` with at most `speed_mm_per_s`, and hold it.
 
-    The motion is done when the displacement has stayed within `tolerance_mm` of the setpoint for `settle_s`. It fails
-    when this has not happened `timeout_s` after the end of its path.
+    The motion is done when its path has ended and the displacement has stayed within `tolerance_mm` of the setpoint for
+    `settle_s`. It fails if it is not done `timeout_s` after the end of its path.
     """
 
     number: int
@@ -28,7 +28,10 @@ class MoveCommand(NamedTuple):
 
 
 class FollowCommand(NamedTuple):
-    """Move to the beginning of `reference`, then track it. The motion `begun_number` ends when this begins."""
+    """Move to the beginning of `reference`, then track it.
+
+    The motion `begun_number` ends when the tracking begins, the motion `number` when the reference ends.
+    """
 
     number: int
     begun_number: int
@@ -49,16 +52,16 @@ ServoCommand = MoveCommand | FollowCommand | SampleCommand | StopCommand
 
 
 class MotionEnd(NamedTuple):
-    """The end of a motion; `error` is None if it has reached its end."""
+    """The end of a motion. `error` is None if the motion is done, and its error if it has failed."""
 
     number: int
     error: SmadriveError | None
 
 
 class ServoReport(NamedTuple):
-    """The latest ticks, and the motions that have ended with the last of them.
+    """The latest ticks, and the motions that have ended by the last of these ticks.
 
-    `dropped` is the number of ticks that could not be sent since the servo began, because the script did not read.
+    `dropped` is the number of ticks since the servo began that were not sent, because the script did not read.
     """
 
     ticks: tuple[Tick, ...]

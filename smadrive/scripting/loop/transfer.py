@@ -26,7 +26,10 @@ _INSTALLED = tuple({str(Path(path).resolve()) for path in (*sysconfig.get_paths(
 
 
 def pickled(request: Any) -> bytes:
-    """Return the pickled request with the user's code. ControllerError when it cannot be pickled."""
+    """Return the pickled request with the user's code or, if this code cannot be pickled, with the names of its parts.
+
+    ControllerError when that fails, too.
+    """
     try:
         with _own_code_by_value():
             message = dumps(request)
@@ -69,5 +72,5 @@ def _is_own(module: ModuleType) -> bool:
 
 @cache
 def _is_outside_installation(file: str) -> bool:
-    """Return True if the file of a module is not installed. The paths of a thousand modules take 0.3 s to resolve."""
+    """Return True if the file of a module is not installed. Cached, because resolving 1000 paths takes 0.3 s."""
     return not str(Path(file).resolve()).startswith(_INSTALLED)

@@ -7,7 +7,7 @@ from smadrive.runs.health.assessment import HEADER, Assessment, health_lines, he
 
 
 def show_health(output: Output, assessment: Assessment) -> None:
-    """Print the drifts of the wire and the verdict. Without a record, print only why there is none."""
+    """Print the drifts of the wire and the verdict. Without a health record, print only the caveats."""
     output.warn(assessment.caveats)
     if assessment.health is None:
         return

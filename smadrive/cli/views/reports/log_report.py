@@ -37,7 +37,7 @@ TITLES = {
 
 
 GAP = 1.5
-"""A time without a measurement is shown if it exceeds this number of periods."""
+"""The longest time without a measurement is shown if it exceeds this number of periods."""
 
 MOST_CYCLES = 50
 """Largest number of cycles in the table of the page."""
@@ -88,7 +88,7 @@ def state_of(log: Log, summary: RunMetrics) -> Banner:
 
 
 def _is_ended_safely(log: Log) -> bool:
-    """Return True for a session that the user ended, with the heater confirmed off. Every session ends like this."""
+    """Return True if the user ended the tuning session and the heater is confirmed off. This is its normal end."""
     messages = [event.message for event in log.events]
     return log.is_ended_by_user and SESSION_ENDED["off"] in messages
 
@@ -114,7 +114,10 @@ def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator
 
 
 def _gap(log: Log, rate_hz: float) -> Iterator[tuple[str, str]]:
-    """Yield the longest time between two measurements if it is long: a lost exchange has no row and is never late."""
+    """Yield the longest time between two measurements if it exceeds `GAP` periods.
+
+    The log has no row for a lost exchange, so the lateness of the rows does not show it.
+    """
     gap_s = float(np.diff(log.column("time_s")).max(initial=0.0))
     if gap_s > GAP / rate_hz:
         yield f"{1e3 * gap_s:.0f} ms", f"longest time without a measurement, period {1e3 / rate_hz:g} ms"
@@ -135,7 +138,7 @@ def _cycles(log: Log) -> Iterator[PagePart]:
 
 
 def _health(log: Log) -> Iterator[PagePart]:
-    """Yield the health of the wire, if its file and the record beside it exist."""
+    """Yield the health of the wire, if its wire file and the health record beside that file exist."""
     found = assessment_of(log)
     if found is None:
         return
