@@ -12,7 +12,7 @@ the lower end of the converter's range, a shorted sensor as the upper end. An un
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf, sqrt
+from math import inf, isfinite, sqrt
 
 from firmware_sim.sensors.sensors import Sensors
 from smadrive.files.number_text import parse_number
@@ -94,8 +94,9 @@ class TCLabFirmware:
 
 
 def _float(text: str) -> float:
-    """Return the number in `text`, or 0 if `text` is not a number, like the conversion of the Arduino."""
+    """Return the number in `text`, or 0 if `text` is not a finite number, like the conversion of the Arduino."""
     try:
-        return parse_number(text)
+        number = parse_number(text)
     except ValueError:
         return 0.0
+    return number if isfinite(number) else 0.0

@@ -17,8 +17,8 @@ def check_may_arm(measurement: Measurement, limits: SafetyLimits, outside: str |
     """Raise SafetyError when heating must not begin.
 
     The reasons: a latched fault of the device, a temperature that is invalid or outside its limits, a current that is
-    unknown or flows without a command, a displacement outside its band. `outside` describes a displacement outside its
-    band; None if it is not outside.
+    unknown or flows without a command, a displacement that has limits and is unknown, a displacement outside its band.
+    `outside` describes a displacement outside its band; None if it is not outside.
     """
     if measurement.device_faults:
         latched = ", ".join(measurement.device_faults)
@@ -26,6 +26,7 @@ def check_may_arm(measurement: Measurement, limits: SafetyLimits, outside: str |
     check_thermocouple(measurement)
     _check_temperature(measurement.temperature_c, limits)
     _check_current(measurement, limits)
+    _check_displacement(measurement.displacement_mm, limits)
     if outside is not None:
         raise SafetyError(f"{REFUSED}: {outside}", cure=Fault.DISPLACEMENT_IMPLAUSIBLE.remedy)
 
@@ -51,6 +52,13 @@ def _check_current(measurement: Measurement, limits: SafetyLimits) -> None:
     if measurement.current_a > limits.current_tolerance_a:
         what, cure = f"{REFUSED}: current flows although no current was commanded", Fault.UNEXPECTED_HEATING.remedy
         raise SafetyError(what, value=f"{measurement.current_a:.3f} A", cure=cure)
+
+
+def _check_displacement(displacement_mm: float, limits: SafetyLimits) -> None:
+    if limits.has_displacement and not isfinite(displacement_mm):
+        fault = Fault.DISPLACEMENT_UNKNOWN
+        cure = f"{fault.remedy}; remove the displacement limits of a rig without a displacement sensor"
+        raise SafetyError(f"{REFUSED}: {fault.cause}", value="no reading", cure=cure)
 
 
 def _too_far(fault: Fault, temperature_c: float, key: str, limit_c: float) -> SafetyError:

@@ -23,7 +23,7 @@ class SafetyLimits:
     displacement_max_mm   highest displacement, mm
     tracking_max_mm       largest difference between setpoint and displacement, mm
     tracking_for_s        longest time for which the difference may exceed `tracking_max_mm`, s, and for which a
-                          displacement with a limit may be unknown after its first reading
+                          displacement with a limit may be unknown in a run
     misplaced_for_s       longest time for which the displacement may be outside the band of the model, because the
                           thermocouple lags, s; it may never be beyond the travel of the model
     """

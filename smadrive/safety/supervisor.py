@@ -7,7 +7,7 @@ several of the latest samples show them. Late, wrong and missing data are faults
 from __future__ import annotations
 
 from collections import deque
-from math import inf, isfinite
+from math import isfinite
 
 from smadrive.measurement import Measurement
 from smadrive.safety.arming_checks import check_may_arm
@@ -54,7 +54,7 @@ class Supervisor:
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
         self._following_s: float | None = None
-        self._displaced_s = inf
+        self._displaced_s: float | None = None
         self._limits_displacement = limits.has_displacement
         self._in_band_s: float | None = None
         self._beyond_travel = Debounce(3, 4)
@@ -171,7 +171,7 @@ class Supervisor:
 
     def _check_displacement(self, measurement: Measurement, setpoint_mm: float) -> None:
         limits, measured_mm = self._limits, measurement.displacement_mm
-        if isfinite(measured_mm):
+        if isfinite(measured_mm) or self._displaced_s is None:
             self._displaced_s = measurement.time_s
         elif self._limits_displacement and measurement.time_s - self._displaced_s > limits.tracking_for_s:
             self._raise(Fault.DISPLACEMENT_UNKNOWN, measurement.time_s, f"no reading for {limits.tracking_for_s:g} s")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import fields
+from math import isfinite
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -106,6 +107,14 @@ def path_text(value: object, name: str, wanted: str) -> PathText:
     if isinstance(value, str | os.PathLike):
         return value
     raise ConfigError("of the wrong type", where=name, value=type(value).__qualname__, cure=f"pass {wanted}")
+
+
+def positive_number(value: object, name: str, *, may_be_zero: bool) -> float:
+    """Return `value` as a float. ConfigError unless it is finite and above 0, or 0 if `may_be_zero`."""
+    number = real_number(value, name)
+    if not (number > 0.0 or (may_be_zero and number == 0.0)) or not isfinite(number):
+        raise ConfigError("not possible", where=name, value=number, cure="give a positive number")
+    return number
 
 
 def travel_limits_mm(wire: IdentifiedWire) -> tuple[float, float]:

@@ -25,6 +25,7 @@ from smadrive.scripting.arguments import (
     check_displacement_within,
     check_reference_within,
     permitted_mm,
+    positive_number,
     travel_limits_mm,
 )
 from smadrive.scripting.loop.loop_client import LoopClient
@@ -151,7 +152,7 @@ class Servo:
             "settle_s": settle_s,
             "timeout_s": timeout_s,
         }
-        checked = [_positive(value, name, may_be_zero=name == "settle_s") for name, value in numbers.items()]
+        checked = [positive_number(value, name, may_be_zero=name == "settle_s") for name, value in numbers.items()]
         setpoint_mm = real_number(displacement_mm, "displacement_mm")
         check_displacement_within(setpoint_mm, self.limits)
         return self._command(f"move to {setpoint_mm:g} mm", lambda number: MoveCommand(number, setpoint_mm, *checked))
@@ -246,10 +247,3 @@ def default_speed_and_tolerance(limits_mm: tuple[float, float]) -> tuple[float, 
     """Return the default `speed_mm_per_s` and `tolerance_mm` of a move of a wire with this travel."""
     travel = limits_mm[1] - limits_mm[0]
     return PEAK * travel / MOVE_S, TOLERANCE * travel
-
-
-def _positive(value: object, name: str, *, may_be_zero: bool) -> float:
-    number = real_number(value, name)
-    if not (number > 0.0 or (may_be_zero and number == 0.0)) or not isfinite(number):
-        raise ConfigError("not possible", where=name, value=number, cure="give a positive number")
-    return number

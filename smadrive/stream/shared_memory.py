@@ -58,8 +58,10 @@ class SharedWriter(MappedBlock):
 
     def publish(self, status: dict[str, Any]) -> None:
         """Replace the status. ValueError if its JSON text is longer than `STATUS_BYTES`, a defect of smadrive."""
-        self.published = status
         text = np.frombuffer(json.dumps(status).encode(), np.uint8)
+        if text.size > STATUS_BYTES:
+            raise ValueError(f"the status has {text.size} bytes, limit {STATUS_BYTES}")
+        self.published = status
         self._increase("status_version")
         self._block["status"][0, : text.size] = text
         self._block["status_length"] = text.size

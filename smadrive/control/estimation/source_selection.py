@@ -124,10 +124,13 @@ class SourceSelection:
         return self._sensor(measurement).mm
 
     def floor_a(self, state: SourceState) -> float:
-        """Return the least current in A that keeps the resistance observable; 0 while the resistance is not needed."""
-        if self._resistance is None or not state.needs_resistance:
-            return 0.0
-        return self._resistance.floor_a
+        """Return the least current in A that keeps the resistance observable; 0 while the resistance is not needed.
+
+        If the resistance is the chosen source, it is also needed in a tick without a displacement: without current, the
+        resistance could not be measured again.
+        """
+        is_needed = state.needs_resistance or self._chosen is DisplacementFrom.RESISTANCE
+        return self._resistance.floor_a if self._resistance is not None and is_needed else 0.0
 
     def most_a(self, state: SourceState) -> float:
         """Return the largest current in A; infinite except at the beginning of a run by resistance.

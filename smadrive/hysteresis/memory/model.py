@@ -68,11 +68,7 @@ class TSFuzzyPreisach(HysteresisModel):
         return (self.local.rules if self._rest else ()) + self.plane.rules
 
     def rules_text(self) -> str:
-        """Return the rules as IF-THEN sentences, one per line.
-
-        The first line gives the state w as a sum of x, the state of the T-S fuzzy Duhem rules, and p, the state of the
-        plane.
-        """
+        """Return the rules as IF-THEN sentences, one per line; the first line gives w as a sum of x and p."""
         return "\n".join([f"w = {self._rest:.6g} x + {self.share:.6g} p", *map(str, self.rules)])
 
     def admissible(self, v: float) -> tuple[float, float]:
@@ -180,16 +176,20 @@ class TSFuzzyPreisach(HysteresisModel):
         return self._carried(at_turn._replace(turns=turns[:-1]), turn, v1)
 
     def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:
-        """Return `state` with the input v and the output y. No turning point is added.
+        """Return `state` with the input v and, if the model can have it at v, the output y. No turning point is added.
 
         The states x of the rules and p of the plane change by the same amount, each within the states possible at v. If
-        one of them reaches a limit, the output remains different from y.
+        one of them reaches its limit, the other one takes the rest.
         """
         clamp, inside = self._engine.clamp, self._engine.clamp(v)
         local, plane, turns, dropped = self._shifted(_memory(state), clamp(state.v), inside)
-        error = (y - self.offset) / self.scale - self._rest * local - self.share * plane
-        local, plane = min(max(local + error, 0.0), 1.0), self.plane.clamp(plane + error, inside)
-        return self._state(v, Memory(local, plane, turns, dropped))
+        target = (y - self.offset) / self.scale
+        error = target - self._rest * local - self.share * plane
+        rules = min(max(local + error, 0.0), 1.0)
+        relays = self.plane.clamp((target - self._rest * rules) / self.share, inside)
+        if self._rest > 0.0:
+            rules = min(max((target - self.share * relays) / self._rest, 0.0), 1.0)
+        return self._state(v, Memory(rules, relays, turns, dropped))
 
     def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
         """Return the input that takes the wire from `state` to the state w, and the state at this input.

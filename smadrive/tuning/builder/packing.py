@@ -36,6 +36,7 @@ class ModelCache:
     def keep(self, model: IdentifiedModel) -> None:
         """Keep a model. If there are too many, the model that was used longest ago is dropped."""
         self._models[_text(model)] = model
+        self._models.move_to_end(_text(model))
         while len(self._models) > KEPT_MODELS:
             self._models.popitem(last=False)
 

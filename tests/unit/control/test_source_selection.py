@@ -7,6 +7,8 @@ import pytest
 
 from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
 from smadrive.control.estimation.lead import LeadChange
+from smadrive.control.estimation.resistance_sensor import ResistanceSensor
+from smadrive.control.estimation.source_selection import SourceSelection
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel
@@ -153,3 +155,14 @@ def test_lead_estimate_is_unchanged_or_measured(change_ohm, samples):
     ohm, variance = lead.estimate()
     assert abs(ohm - change_ohm) < 0.006
     assert 0.0 < variance < inf
+
+
+def test_sense_current_flows_after_a_tick_without_a_displacement():
+    sensor = ResistanceSensor(WIRE, RESISTANCE)
+    floors_a = {}
+    for chosen in DisplacementFrom:
+        selection = SourceSelection(chosen, sensor, 0.012, STROKE_MM)
+        assert selection.start().source is DisplacementFrom.NONE
+        floors_a[chosen] = selection.floor_a(selection.start())
+    assert floors_a[DisplacementFrom.RESISTANCE] == sensor.floor_a > 0.0
+    assert floors_a[DisplacementFrom.SENSOR] == floors_a[DisplacementFrom.NONE] == 0.0

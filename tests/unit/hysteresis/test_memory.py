@@ -223,6 +223,7 @@ def test_corrected_takes_the_output_as_far_as_possible(model, path, change):
     found = model.corrected(state, state.v, wanted)
     assert low - 1e-12 <= found.w <= high + 1e-12
     assert abs(found.y - wanted) <= abs(state.y - wanted) + 1e-9
+    assert found.w == pytest.approx(min(max(state.w + change, low), high), abs=1e-9)
 
 
 def test_the_stack_is_bounded_and_tells_what_it_dropped():

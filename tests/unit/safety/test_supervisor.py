@@ -85,8 +85,19 @@ def test_lost_displacement_with_a_limit_trips(limit):
     seen, lost = [sample(n, displacement_mm=5.0) for n in range(10)], [sample(n) for n in range(10, 100)]
     assert trips_after(seen + lost, limits, setpoint_mm=5.0) == (51, Fault.DISPLACEMENT_UNKNOWN)
     assert trips_after(seen + lost[:30] + [sample(40, displacement_mm=5.0)], limits, setpoint_mm=5.0) is None
-    assert trips_after(lost, limits, setpoint_mm=5.0) is None  # a rig without such a sensor
+    assert trips_after(lost, limits, setpoint_mm=5.0) == (41, Fault.DISPLACEMENT_UNKNOWN)
     assert trips_after(seen + lost) is None
+
+
+@pytest.mark.parametrize("name", ["displacement_min_mm", "displacement_max_mm", "tracking_max_mm"])
+def test_unknown_displacement_with_a_limit_prevents_arming(name):
+    rest = {"current_a": 0.0, "in_force_a": 0.0}
+    Supervisor(LIMITS).check_may_arm(sample(**rest))
+    limited = Supervisor(replace(LIMITS, **{name: 5.0}))
+    limited.check_may_arm(sample(displacement_mm=5.0, **rest))
+    with pytest.raises(SafetyError) as refused:
+        limited.check_may_arm(sample(**rest))
+    assert Fault.DISPLACEMENT_UNKNOWN.remedy in refused.value.cure
 
 
 def test_unknown_current_prevents_arming():

@@ -259,3 +259,11 @@ def test_bad_line_gives_no_wrong_value(seed):
     wait(clock, 5.0)
     source.enter_safe_state()
     assert device.firmware.current_a == 0.0
+
+
+@pytest.mark.parametrize("text", ["nan", "inf", "-inf"])
+def test_duty_that_is_not_finite_is_zero(device, text):
+    device.firmware.answer(b"Q1 50")
+    device.firmware.answer(f"Q1 {text}".encode())
+    assert device.firmware.duty["Q1"] == 0.0
+    assert device.firmware.current_a == 0.0

@@ -1,9 +1,10 @@
 """The counters of the channel, and the stream in the same memory."""
 
 import numpy as np
+import pytest
 
 from smadrive.stream.samples import COLUMNS
-from smadrive.stream.shared_memory import SharedReader
+from smadrive.stream.shared_memory import STATUS_BYTES, SharedReader
 from smadrive.tuning.link.channel import PageEnd
 
 
@@ -19,3 +20,13 @@ def test_reader_of_a_stream_reads_rows_and_status_of_a_channel(control):
     assert reader.status(-1)[1] == page.status(-1)[1] == {"mode": "off"}
     assert control.off_requested()
     assert control.pages == (2, True)
+
+
+def test_status_that_is_too_long_leaves_the_last_one_readable(control):
+    control.publish({"mode": "off"})
+    with pytest.raises(ValueError, match=str(STATUS_BYTES)):
+        control.publish({"mode": "x" * STATUS_BYTES})
+    reader = SharedReader(control.memory_fd)
+    assert reader.status(-1)[1] == control.published == {"mode": "off"}
+    control.publish({"mode": "holding"})
+    assert reader.status(-1)[1] == {"mode": "holding"}
