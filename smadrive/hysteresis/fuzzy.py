@@ -167,7 +167,7 @@ def check_centres(centres: object) -> None:
     for centre in centres:
         real_number(centre, "sets: centre", ModelError)
     if len(centres) < 2:
-        raise ModelError("too few centres", where="sets", value=len(centres), limit=2)
+        raise ModelError("too few centres", where="sets", value=len(centres), limit="at least 2", cure="add centres")
     if len(centres) > MOST_SETS:
         raise ModelError("too many centres", where="sets", value=len(centres), limit=MOST_SETS, cure="use fewer sets")
     steps = np.diff(np.array(centres, dtype=np.float64))

@@ -184,8 +184,10 @@ def _check(model: IdentifiedModel, shape: BranchShape) -> None:
         what = "must exceed mu_cooling, because a wire transforms later on heating"
         raise ModelError(what, where="mu_heating", value=shape.mu_heating, limit=shape.mu_cooling)
     if not shape.scale * model.scale > 0:
-        value = f"{shape.scale:g}, before {model.scale:g}"
-        raise ModelError("zero, or of another sign than before", where="scale", value=value)
+        value = f"{shape.scale:g}, of the model {model.scale:g}"
+        raise ModelError(
+            "zero, or of another sign than that of the model", where="scale", value=value, cure="keep its sign"
+        )
 
 
 def _check_widths(*sigmas: float) -> None:

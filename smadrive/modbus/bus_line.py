@@ -1,9 +1,9 @@
 """The line of one bus. It reopens a lost connection, keeps the pauses, sends requests, and reads until the deadline.
 
-Before a request, the bytes that have already arrived are discarded and counted, because they belong to no request. On
-RTU, a quarantine precedes the request after a failure, an unconfirmed request or such stray bytes, and on a new
-connection: nothing is sent until the bus has been silent for one response timeout. `send_unconfirmed` does neither; it
-waits only for the pause between frames.
+Before a request, the line discards and counts the bytes that have already arrived, because they cannot be its reply. On
+RTU, a quarantine may follow: the line sends nothing until the bus has been silent for one response timeout. A
+quarantine is necessary on a new connection, after a request that failed or was sent unconfirmed, and when bytes were
+discarded. `send_unconfirmed` discards nothing and needs no quarantine; it waits only for the pause between frames.
 
 A socket that missed a deadline may be dead without a sign: the gateway restarted, or a router dropped the connection
 from its table. So the line closes the socket and opens a new one for the next request. A new connection may lead to

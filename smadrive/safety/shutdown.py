@@ -91,7 +91,7 @@ def carry(error: BaseException, outcome: ShutdownOutcome) -> None:
 def shutdown_of(error: BaseException) -> ShutdownOutcome | None:
     """Return the outcome that `error` carries, or None if it carries no outcome.
 
-    A StoppedError without an outcome has the outcome of its cause, the interruption that ended the run.
+    A StoppedError without an outcome has the outcome of its cause, the error or the interruption that ended the run.
     """
     outcome: ShutdownOutcome | None = getattr(error, _CARRIED_AS, None)
     if outcome is None and isinstance(error, StoppedError) and error.__cause__ is not None:

@@ -20,7 +20,7 @@ _CONSTANTS = struct.Struct("<HhHhHh")
 
 
 class Correction(NamedTuple):
-    """One gain and one offset."""
+    """Gain and offset of one quantity. The gain is in units of 2⁻¹⁴, the offset in counts."""
 
     gain: int = GAIN_ONE
     offset: int = 0

@@ -40,7 +40,7 @@ class Output:
             self.say(f"warning: {caveat}")
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[str]], *, notes: bool = False) -> None:
-        """Print a table for a person: names in the first column, numbers in the others.
+        """Print a table, or nothing with `--json`: names in the first column, numbers in the others.
 
         With `notes`, the last column holds text, too. If the terminal is too narrow for the numbers, the table becomes
         a list.

@@ -134,7 +134,10 @@ class ResistanceSensor:
     def _ohm(
         self, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, slope: float, dt_s: float
     ) -> float:
-        """Return the present resistance by voltage and current, Ω; NaN without current. `slope` is dR/dξ."""
+        """Return the present resistance in Ω; NaN without current or voltage.
+
+        It is voltage / current, plus the predicted change over the delay of the measurement. `slope` is dR/dξ.
+        """
         if not measurement.current_a > 0.0 or not measurement.voltage_v > 0.0:
             return nan
         moved = (ahead.hysteresis.y - before.hysteresis.y) / self._wire.travel_mm

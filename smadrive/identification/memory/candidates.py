@@ -35,8 +35,8 @@ Model = TSFuzzyDuhem | TSFuzzyPreisach
 class _Plane:
     """A plane for a record: its grid, the share of the relays that are on, and the fit of its masses.
 
-    `sign` is -1 if the output falls when the input rises. Masses are never negative: they explain `sign` times the
-    output.
+    `sign` is -1 if the output falls when the input rises. Masses are never negative, so they are
+    fitted to `sign` times the output.
     """
 
     def __init__(self, record: Record, thresholds: int) -> None:

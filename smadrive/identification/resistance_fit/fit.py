@@ -67,8 +67,8 @@ class ResistanceFit:
     """A fitted resistance.
 
     resistance       the resistance as a function of temperature and phase
-    within           half of the 95 % interval of martensite_ohm (Ω), martensite_ohm_per_k (Ω/K) and change
-    change           relative change from the cold to the hot wire at one temperature, in the middle of the loop
+    within           half-widths of the 95 % intervals of martensite_ohm (Ω), martensite_ohm_per_k (Ω/K) and change
+    change           relative change of the resistance from phase 0 to phase 1, at the median temperature of the samples
     rms_ohm          RMS of the residual, Ω
     noise_phase      noise of the phase of one sample, at the median current
     temperature_c, phase, ohm   the samples, each (samples,)
