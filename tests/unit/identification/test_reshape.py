@@ -74,7 +74,7 @@ def test_falling_output_keeps_its_sign(rules):
     assert reshaped(falling, shape_of(falling)._replace(scale=-10.0)).scale == -10.0
     with pytest.raises(ModelError) as error:
         reshaped(falling, shape_of(falling)._replace(scale=10.0))
-    assert (error.value.where, error.value.value, error.value.limit) == ("scale", "10, before -12", None)
+    assert (error.value.where, error.value.value, error.value.limit) == ("scale", "10, of the model -12", None)
 
 
 @pytest.mark.parametrize(
