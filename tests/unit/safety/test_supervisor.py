@@ -85,7 +85,7 @@ def test_lost_displacement_with_a_limit_trips(limit):
     seen, lost = [sample(n, displacement_mm=5.0) for n in range(10)], [sample(n) for n in range(10, 100)]
     assert trips_after(seen + lost, limits, setpoint_mm=5.0) == (51, Fault.DISPLACEMENT_UNKNOWN)
     assert trips_after(seen + lost[:30] + [sample(40, displacement_mm=5.0)], limits, setpoint_mm=5.0) is None
-    assert trips_after(lost, limits, setpoint_mm=5.0) == (41, Fault.DISPLACEMENT_UNKNOWN)
+    assert trips_after(lost, limits, setpoint_mm=5.0) == (42, Fault.DISPLACEMENT_UNKNOWN)
     assert trips_after(seen + lost) is None
 
 
