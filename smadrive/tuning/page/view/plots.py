@@ -28,6 +28,8 @@ MOVED = 0.004
 """The measured loop gets a new point when the wire has moved by this share of an axis."""
 
 BRANCH_POINTS = 200
+ERROR_TICKS = 4
+"""Approximate number of ticks at the axis of the error. Its plot is low, and more numbers would overlap."""
 
 HEATING, COOLING = "#d1495b", "#3a7ca5"
 
@@ -146,6 +148,7 @@ class Plots(TimePlots):
 
     def _error(self) -> figure:
         plot = self._over_time("error", "error / %", self._error_range)
+        plot.yaxis.ticker.desired_num_ticks = ERROR_TICKS
         lines(plot, self.time, error_percent=HEATING)
         plot.add_layout(Span(location=0.0, dimension="width", line_color=SETPOINT, line_width=1))
         show_time_axis(plot)
