@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+from contextlib import suppress
 
 import programs
 import pytest
@@ -235,10 +236,16 @@ def test_pages_that_hang_do_not_hold_the_line(heated, command):
     with heated.start("-m", "smadrive", name, "rig.toml", *options, "--port", "0", "--no-browser") as driver:
         while "http://" not in driver.stdout.readline():
             pass
-        for child in children(driver.pid):
+        hung = children(driver.pid)
+        for child in hung:
             os.kill(child, signal.SIGSTOP)
-        done = heated.off()
-        assert driver.wait() > 0
+        try:
+            done = heated.off()
+            assert driver.wait() > 0
+        finally:
+            for child in hung:
+                with suppress(ProcessLookupError):
+                    os.kill(child, signal.SIGCONT)
     assert done["stopped_drivers"] == [{"pid": driver.pid, "killed": False}]
 
 
