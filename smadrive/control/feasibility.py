@@ -15,7 +15,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.control.controllers.tracking import DISPLACEMENT_NOISE, TrackingController, TrackingSettings
+from smadrive.control.controllers.tracking import DISPLACEMENT_NOISE, TrackingController
+from smadrive.control.controllers.tracking_feedback import TrackingSettings
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
@@ -44,11 +45,8 @@ JUMP = 20.0
 AT_END = 0.05
 """A path begins at an end of its span if its first value is nearer to this end than this share of the span."""
 
-SLOW_S = 7200.0
-"""A longer reference, s, may have its times in ms by mistake; `SLOWEST_PER_S` decides."""
-
-SLOWEST_PER_S = 1.0 / 14_400.0
-"""A long reference with a lower mean speed than this, in strokes per s, probably has its times in ms."""
+SLOW_S, SLOWEST_PER_S = 7200.0, 1.0 / 14_400.0
+"""A reference that is longer, s, and has a lower mean speed, in strokes per s, probably has its times in ms."""
 
 STEADY_C = 1.0
 """A reversal of the temperature by less than twice this value, K, does not begin a new section."""

@@ -11,7 +11,8 @@ from smadrive.control.controllers.excitation import ExcitationController
 from smadrive.control.controllers.feedback import PIGains
 from smadrive.control.controllers.interface import Controller
 from smadrive.control.controllers.step import ConstantCurrentController, ConstantTemperatureController, ManualStep
-from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
+from smadrive.control.controllers.tracking import TrackingController
+from smadrive.control.controllers.tracking_feedback import TrackingSettings
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import IdentifiedModel

@@ -86,6 +86,9 @@ class SenseCurrent(NamedTuple):
 SENSE_NOISE, SENSE_HEAT = 0.05, 0.05
 """Largest noise of one sample, in strokes, and largest heat by the sense current, as a share of the heat loss."""
 
+LEAD_OHM = 0.01
+"""A change of leads and contacts, as new plugs or clamps make it, Ω."""
+
 
 def sense_current(wire: WireModel, resistance: WireResistance) -> SenseCurrent:
     """Return the least current that keeps the resistance observable while the wire cools.
@@ -93,8 +96,7 @@ def sense_current(wire: WireModel, resistance: WireResistance) -> SenseCurrent:
     It is the smallest current with a noise of at most `SENSE_NOISE`, or the current with the heat `SENSE_HEAT` if that
     current is smaller. Noise and heat are those in the middle of the cooling branch, at the phase 0.5.
     """
-    branch = branch_of(wire, resistance, rising=False)
-    middle_c = float(np.interp(0.5, branch.phase, branch.temperature_c))
+    middle_c = _cooling_middle_c(wire, resistance)
     ohm, slope = resistance.ohm(middle_c, 0.5), abs(resistance.ohm_per_phase(middle_c, 0.5))
     loss_w = wire.balance.loss_w_per_k * max(middle_c - wire.balance.ambient_c, 1.0)
     current_a = min(resistance.noise_v / (SENSE_NOISE * slope), float(np.sqrt(SENSE_HEAT * loss_w / ohm)))
@@ -111,6 +113,20 @@ def sense_text(wire: WireModel, resistance: WireResistance) -> str:
     return f"{heat}, and one sample then has a noise of {100 * sense.noise:.1f} % of the stroke"
 
 
+def lead_error(wire: WireModel, resistance: WireResistance) -> float:
+    """Return the error of the displacement, in strokes, if leads and contacts change by `LEAD_OHM` during a run.
+
+    Two-wire sensing measures them together with the wire. The error is that in the middle of the cooling branch.
+    """
+    return LEAD_OHM / abs(resistance.ohm_per_phase(_cooling_middle_c(wire, resistance), 0.5))
+
+
+def lead_text(wire: WireModel, resistance: WireResistance) -> str:
+    """Return a sentence with the error of the displacement by a change of leads and contacts."""
+    cost = f"a change of {1e3 * LEAD_OHM:.0f} mΩ makes an error of {100 * lead_error(wire, resistance):.2g} %"
+    return f"the resistance includes leads and contacts: {cost} of the stroke, unless a run begins with a cold wire"
+
+
 def lost_text(wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
     """Return one sentence for each branch with a band in which the resistance alone does not tell the displacement."""
     sentences = []
@@ -119,3 +135,9 @@ def lost_text(wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
             where = f"on {way}, from {band[0]:.2g} to {band[1]:.2g} mm"
             sentences.append(f"{where}, the resistance alone does not tell the displacement: the temperature must help")
     return tuple(sentences)
+
+
+def _cooling_middle_c(wire: WireModel, resistance: WireResistance) -> float:
+    """Return the temperature at which the cooling branch has the phase 0.5, °C."""
+    branch = branch_of(wire, resistance, rising=False)
+    return float(np.interp(0.5, branch.phase, branch.temperature_c))

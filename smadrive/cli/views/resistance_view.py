@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from smadrive.runs.record_fit import RecordFit
-from smadrive.wire.observability import lost_text, sense_text
+from smadrive.wire.observability import lead_text, lost_text, sense_text
 from smadrive.wire.wire_model import WireModel
 
 
@@ -39,7 +39,7 @@ def resistance_sentences(record: RecordFit) -> tuple[str, ...]:
         return (f"the resistance cannot measure the displacement: {record.without_resistance}",)
     resistance = record.resistance.resistance
     wire = WireModel(record.fit.model, record.thermal.balance)
-    return sense_text(wire, resistance), *lost_text(wire, resistance)
+    return sense_text(wire, resistance), lead_text(wire, resistance), *lost_text(wire, resistance)
 
 
 def resistance_result(record: RecordFit) -> dict[str, object] | None:

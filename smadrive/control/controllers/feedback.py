@@ -17,14 +17,19 @@ because a large error shows that the wire is still moving. At a limit of the com
 (conditional integration). Back-calculation is not used: at every turning point the feedforward requests a negative
 power, and back-calculation would then change the integral by a large amount.
 
+A large error, for example after a step of the setpoint, is removed faster: the part of e beyond a bound has the gain
+0.8 m c / Δt, with Δt the period. So the command stays at its limit until the wire is near the setpoint. This gain is
+not used for a small error, because it would amplify the noise.
+
 Bumpless transfer: a feedback that replaces another feedback adds the last command of the replaced feedback minus its
-own first command. This difference then decays.
+own first command. This difference then decays. With an error beyond the bound the command jumps, because the difference
+would delay the wire.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import exp
+from math import exp, inf
 
 from smadrive.wire.heat_balance import HeatBalance
 
@@ -34,13 +39,20 @@ HANDOVER_S = 0.2
 INTEGRATED_C = 1.0
 """The integral counts an error only up to ± this value, K, unless the controller chooses another value."""
 
+SOON = 0.8
+"""Share of the large part of an error that one period removes. With 1, a wrong model would make an overshoot."""
+
 
 @dataclass(frozen=True, slots=True)
 class PIGains:
-    """Gains of the temperature feedback: proportional gain in W/K, integral gain in W/(K s)."""
+    """Gains of the temperature feedback: proportional gain in W/K, integral gain in W/(K s).
+
+    `capacity_j_per_k` is the heat capacity of the wire, for the gain of a large error.
+    """
 
     proportional_w_per_k: float
     integral_w_per_k_s: float
+    capacity_j_per_k: float
 
     @classmethod
     def for_balance(cls, balance: HeatBalance, closed_loop_s: float, integral_s: float) -> PIGains:
@@ -50,7 +62,7 @@ class PIGains:
         of a model error decays.
         """
         proportional = balance.heat_capacity_j_per_k / closed_loop_s
-        return cls(proportional, proportional / integral_s)
+        return cls(proportional, proportional / integral_s, balance.heat_capacity_j_per_k)
 
 
 @dataclass(slots=True)
@@ -73,25 +85,40 @@ class TemperatureFeedback:
     def take_over(self, before: TemperatureFeedback, integral_w: float) -> None:
         """Continue from the feedback `before`, with the integral `integral_w`, W.
 
-        The first command equals the last command of `before`, or the new limit if that is lower.
+        Unless its error is beyond the bound, the first command equals the last command of `before`, or the new limit if
+        that is lower.
         """
         self.integral_w, self.command_w = integral_w, before.command_w
         self._takes_over = True
 
-    def update(self, error_c: float, feedforward_w: float, limit_w: float, dt_s: float, faster: float = 1.0) -> float:
+    def update(
+        self,
+        error_c: float,
+        feedforward_w: float,
+        limit_w: float,
+        dt_s: float,
+        faster: float = 1.0,
+        small_c: float = inf,
+    ) -> float:
         """Return the power to command for the next `dt_s`, W, from 0 to `limit_w`.
 
-        `error_c` is the error, setpoint - process value, K. `feedforward_w` is the power of the feedforward. Both gains
-        are multiplied by `faster`.
+        `error_c` is the error, setpoint - process value, K. The part of it beyond ± `small_c` is removed at once.
+        `feedforward_w` is the power of the feedforward. Both gains are multiplied by `faster`.
         """
-        unlimited_w = feedforward_w + faster * self.gains.proportional_w_per_k * error_c + self.integral_w
+        near_c = min(max(error_c, -small_c), small_c)
+        far_w = SOON * self.gains.capacity_j_per_k * (error_c - near_c) / dt_s
+        unlimited_w = feedforward_w + faster * self.gains.proportional_w_per_k * near_c + far_w + self.integral_w
         requested_w = min(max(unlimited_w, 0.0), limit_w)
-        self._handover_w = (
-            self.command_w - requested_w if self._takes_over else self._handover_w * exp(-dt_s / HANDOVER_S)
-        )
-        self._takes_over = False
+        self._handover_w = self._handover(requested_w, dt_s, is_far=near_c != error_c)
         self.command_w = min(max(requested_w + self._handover_w, 0.0), limit_w)
         if requested_w == unlimited_w:
             counted_c = min(max(error_c, -self.integrated_c), self.integrated_c)
             self.integral_w += faster * self.gains.integral_w_per_k_s * counted_c * dt_s
         return self.command_w
+
+    def _handover(self, requested_w: float, dt_s: float, *, is_far: bool) -> float:
+        """Return the power that makes a transfer bumpless, W."""
+        if not self._takes_over:
+            return self._handover_w * exp(-dt_s / HANDOVER_S)
+        self._takes_over = False
+        return 0.0 if is_far else self.command_w - requested_w

@@ -12,12 +12,11 @@ another reference, model or setting then continues without a jump of the command
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import inf, isfinite, sqrt
 from typing import NamedTuple
 
-from smadrive.control.controllers.feedback import INTEGRATED_C, PIGains, TemperatureFeedback
 from smadrive.control.controllers.interface import Command
+from smadrive.control.controllers.tracking_feedback import TrackingFeedback, TrackingSettings
 from smadrive.control.controllers.trim import DisplacementTrim
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
 from smadrive.control.estimation.resistance_sensor import DisplacementReading, ResistanceSensor
@@ -25,45 +24,11 @@ from smadrive.control.estimation.source_selection import SourceSelection, Source
 from smadrive.control.feedforward.displacement import DisplacementFeedforward, DisplacementInverse, Feedforward
 from smadrive.control.feedforward.reversal_preview import Reversal, ReversalPreview
 from smadrive.control.references.reference import Reference
-from smadrive.measurement import DisplacementFrom, Measurement
+from smadrive.measurement import Measurement
 from smadrive.wire.wire_model import WireModel
 
 DISPLACEMENT_NOISE = 0.001
 """Assumed standard deviation of the noise of a displacement sensor, in strokes."""
-
-FASTER = 2.5
-"""With a measured displacement the estimate has less noise, and the closed loop is faster by at most this factor."""
-
-SHORTEST_PERIODS = 2.0
-"""Shortest time constant of the closed loop with a measured displacement, in periods of the loop."""
-
-INTEGRATED_WITH_OBSERVER_C = 0.1
-"""With `feedforward_share` = 1, the integral counts an error up to ± this value, K.
-
-The observer then compensates the errors of the heat balance, and the integral would only overshoot after a large error.
-"""
-
-
-@dataclass(frozen=True, slots=True)
-class TrackingSettings:
-    """Settings of a TrackingController. Its gains follow from the heat balance of the wire.
-
-    period_s            period of the loop, s
-    current_limit_a     largest current, A
-    closed_loop_s       time constant of the temperature loop without a measured displacement, s; see `FASTER`
-    integral_s          time constant in which the effect of a model error decays, s
-    noise_c             standard deviation of the noise of the thermocouple, K
-    feedforward_share   share of the feedforward's power that is used; less than 1 leaves more to the feedback
-    displacement_from   source of the displacement
-    """
-
-    period_s: float
-    current_limit_a: float
-    closed_loop_s: float
-    integral_s: float
-    noise_c: float
-    feedforward_share: float = 1.0
-    displacement_from: DisplacementFrom = DisplacementFrom.SENSOR
 
 
 class TrackingState(NamedTuple):
@@ -125,15 +90,8 @@ class TrackingController:
         self._sources = SourceSelection(settings.displacement_from, resistance, noise_mm, abs(wire.travel_mm))
         self._feedforward = DisplacementFeedforward(inverse, wire)
         self._preview = ReversalPreview(wire) if inverse.hysteretic else None
-        balance, self._share = wire.balance, settings.feedforward_share
-        self._feedback = TemperatureFeedback(
-            PIGains.for_balance(balance, settings.closed_loop_s, settings.integral_s),
-            INTEGRATED_WITH_OBSERVER_C if self._share == 1.0 else INTEGRATED_C,
-        )
-        seeing_s = max(settings.closed_loop_s / FASTER, SHORTEST_PERIODS * settings.period_s)
-        self._faster = max(settings.closed_loop_s / seeing_s, 1.0)
+        self._feedback = TrackingFeedback(wire, settings)
         self._trim = DisplacementTrim(settings.closed_loop_s)
-        self._latent_k_per_mm = balance.latent_heat_j / balance.heat_capacity_j_per_k / wire.travel_mm
         self._state: TrackingState | None = None
 
     @property
@@ -153,17 +111,7 @@ class TrackingController:
             ahead = self._observer.adopt(before.state.ahead)
             source = self._sources.adopt(before.state.source, before._sources)
             self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead, source=source)
-            self._feedback.take_over(before._feedback, self._integral_w(before, estimate.temperature_c))
-
-    def _integral_w(self, before: TrackingController, temperature_c: float) -> float:
-        """Return the integral with which the feedback continues, W.
-
-        It is the integral of `before` if both controllers use the same share of the feedforward. Otherwise it is the
-        power that the new share leaves to the integral at `temperature_c`.
-        """
-        if before._share == self._share:
-            return before._feedback.integral_w
-        return (1.0 - self._share) * self._wire.balance.power_w(temperature_c, 0.0, 0.0)
+            self._feedback.take_over(before._feedback, estimate.temperature_c)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Return the command for the period of `dt_s` seconds that begins `dt_s` after the measurement."""
@@ -173,18 +121,15 @@ class TrackingController:
         period = self._coming_period(self._observer.predict(estimate, before.power_w, dt_s), time_s + dt_s, dt_s)
         direction, reversal = self._course(before, period)
         target = self._target(period, before.trim_mm, direction, reversal)
-        error_c, feedforward_w = target.temperature_c - period.ahead.temperature_c, self._share * target.power_w
-        if is_measured := isfinite(selected.used.mm):
-            latent_c = self._latent_k_per_mm * (target.displacement_mm - period.ahead.hysteresis.y)
-            power_w = self._feedback.update(error_c + latent_c, feedforward_w, period.limit_w, dt_s, self._faster)
-        else:
-            power_w = self._feedback.update(error_c, feedforward_w, period.limit_w, dt_s)
+        is_measured = isfinite(selected.used.mm)
+        power_w = self._feedback.update(target, period.ahead, period.limit_w, dt_s, is_measured=is_measured)
         ohm = self._wire.resistance_ohm(period.ahead.hysteresis)
         power_w = max(min(power_w, self._sources.most_a(source) ** 2 * ohm), self._sources.floor_a(source) ** 2 * ohm)
         trim_mm = 0.0
         if reversal is None and is_measured:
             is_free = 0.0 < power_w < period.limit_w
             error_mm = period.setpoint_mm - period.ahead.hysteresis.y
+            error_c = target.temperature_c - period.ahead.temperature_c
             trim_mm = self._trim.update(before.trim_mm, error_mm, error_c if is_free else inf, dt_s)
         self._state = TrackingState(estimate, power_w, trim_mm, direction, reversal, period.ahead, source)
         return Command(

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from smadrive.control.controllers.tracking import TrackingSettings
+from smadrive.control.controllers.tracking_feedback import TrackingSettings
 from smadrive.control.feasibility import REASONS, simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import parse_reference

@@ -5,7 +5,8 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
+from smadrive.control.controllers.tracking import TrackingController
+from smadrive.control.controllers.tracking_feedback import TrackingSettings
 from smadrive.control.estimation.lead import LeadChange
 from smadrive.control.estimation.resistance_sensor import ResistanceSensor
 from smadrive.control.estimation.source_selection import SourceSelection

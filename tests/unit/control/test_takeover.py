@@ -2,8 +2,9 @@
 
 import pytest
 
-from smadrive.control.controllers.feedback import HANDOVER_S, PIGains, TemperatureFeedback
-from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
+from smadrive.control.controllers.feedback import HANDOVER_S, SOON, PIGains, TemperatureFeedback
+from smadrive.control.controllers.tracking import TrackingController
+from smadrive.control.controllers.tracking_feedback import TrackingSettings
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel
@@ -41,8 +42,9 @@ def test_command_does_not_jump_and_converges_to_that_of_the_new_controller():
     after, fresh = controller(wire(mu_heating=93.0)), controller(wire(mu_heating=93.0))
     after.take_over(before)
     fresh.take_over(before)
-    fresh._feedback = TemperatureFeedback(before._feedback.gains, before._feedback.integrated_c)
-    fresh._feedback.integral_w = before._feedback.integral_w
+    replaced = before._feedback.temperature
+    fresh._feedback.temperature = TemperatureFeedback(replaced.gains, replaced.integrated_c)
+    fresh._feedback.temperature.integral_w = replaced.integral_w
     time_s = 40 * PERIOD_S
     jump_w = abs(fresh.update(time_s, reading(time_s, 84.0), PERIOD_S).power_w - last.power_w)
     assert jump_w > 0.1
@@ -55,7 +57,7 @@ def test_command_does_not_jump_and_converges_to_that_of_the_new_controller():
 
 
 def test_command_at_its_limit_leaves_no_difference():
-    before, after = TemperatureFeedback(PIGains(0.1, 0.0)), TemperatureFeedback(PIGains(0.1, 0.0))
+    before, after = TemperatureFeedback(PIGains(0.1, 0.0, 0.05)), TemperatureFeedback(PIGains(0.1, 0.0, 0.05))
     assert before.update(-50.0, 0.0, 6.0, PERIOD_S) == 0.0
     after.take_over(before, 0.0)
     assert after.update(-20.0, 0.0, 6.0, PERIOD_S) == 0.0
@@ -80,3 +82,13 @@ def test_share_of_the_feedforward_leaves_the_rest_to_the_feedback():
     assert half.setpoint_c == whole.setpoint_c
     assert whole.power_w - half.power_w > 0.1
     assert whole.power_w - half.power_w == pytest.approx(2.0 * (half.power_w - quarter.power_w))
+
+
+def test_large_error_jumps_and_is_removed_in_one_period():
+    gains = PIGains(0.1, 0.0, 0.03)
+    before, after = TemperatureFeedback(gains), TemperatureFeedback(gains)
+    before.update(0.0, 1.0, 100.0, PERIOD_S)
+    after.take_over(before, 0.0)
+    power_w = after.update(23.0, 1.0, 100.0, PERIOD_S, small_c=3.0)
+    assert power_w == pytest.approx(1.0 + 0.1 * 3.0 + SOON * 0.03 * 20.0 / PERIOD_S)
+    assert after.update(23.0, 1.0, 6.0, PERIOD_S, small_c=3.0) == 6.0

@@ -6,7 +6,8 @@ from math import nan
 import numpy as np
 import pytest
 
-from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
+from smadrive.control.controllers.tracking import TrackingController
+from smadrive.control.controllers.tracking_feedback import TrackingSettings
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
@@ -157,3 +158,13 @@ def test_lost_reading_is_bridged():
         command = tracker.update(bench.time_s, bench.measurement()._replace(temperature_c=nan), DT_S)
         bench.advance(command.commanded_a)
     assert abs(bench.state.hysteresis.y - REFERENCE.value_mm(bench.time_s)) < 0.01 * 12
+
+
+def test_measured_wire_is_soon_back_after_a_jump_of_the_setpoint():
+    """Full heat needs some 0.1 s for 5 mm, and a command acts one period later."""
+    held = Reference.from_samples([0.0, 40.0], [3.0, 3.0])
+    bench, first = Bench(WireModel(loop(), BALANCE), sensor=True), controller(held, loop())
+    bench.run(first, 20.0)
+    rows = bench.run(controller(Reference.from_samples([0.0, 40.0], [8.0, 8.0]), loop(), before=first), 22.0)
+    away_s = rows[np.abs(rows[:, 2] - 8.0) > 0.01 * 12.0, 0]
+    assert away_s.max() - 20.0 < 0.45

@@ -8,7 +8,16 @@ import pytest
 from smadrive.hysteresis import DuhemModel
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
-from smadrive.wire.observability import SENSE_HEAT, SENSE_NOISE, cold_c, lost_band, sense_current
+from smadrive.wire.observability import (
+    LEAD_OHM,
+    SENSE_HEAT,
+    SENSE_NOISE,
+    cold_c,
+    lead_error,
+    lead_text,
+    lost_band,
+    sense_current,
+)
 from smadrive.wire.wire_model import WireModel
 
 MODEL = DuhemModel.gaussian(
@@ -52,3 +61,8 @@ def test_cold_wire_is_martensite_on_both_branches():
     celsius = cold_c(WIRE, FLAT)
     assert 45.0 < celsius < 69.0 - 2.5 * 5.0
     assert MODEL.branch(np.array([celsius]), rising=False)[0] < 0.002
+
+
+def test_error_by_the_leads_is_their_share_of_the_change():
+    assert lead_error(WIRE, FLAT) == pytest.approx(LEAD_OHM / 2.0)
+    assert f"{100 * LEAD_OHM / 2.0:.2g} %" in lead_text(WIRE, FLAT)

@@ -57,7 +57,7 @@ def _resistance(record: RecordFit) -> list[PagePart]:
     """Return the plot of the resistance, or the reason why it cannot measure the displacement."""
     if record.resistance is None:
         return [Listing("The resistance", f"cannot measure the displacement: {record.without_resistance}")]
-    caption = " ".join(f"{sentence.capitalize()}." for sentence in resistance_sentences(record))
+    caption = " ".join(f"{sentence[0].upper()}{sentence[1:]}." for sentence in resistance_sentences(record))
     return [Plot("The resistance", resistance_figure(record.resistance), caption)]
 
 
