@@ -1,4 +1,4 @@
-"""The recovery of a wire that is anywhere: PYTHONPATH=. python tests/benchmarks/recovery.py [--starts 500] [--first 0]
+"""The recovery of a wire that is anywhere: PYTHONPATH=. python tests/benchmarks/recovery.py [--source sensor|none]
 
 In each start a detuned controller moves a random wire along one reference, for a random time. Then the standard
 controller takes over, with another reference. So temperature, phase, side of the loop and phase of the reference are
@@ -226,13 +226,14 @@ def main() -> None:
     parser.add_argument("--starts", type=int, default=500)
     parser.add_argument("--first", type=int, default=0, help="number of the first start")
     parser.add_argument("--seed", type=int, default=0, help="seed of the first wire")
+    parser.add_argument("--source", choices=("sensor", "none"), action="append")
     options = parser.parse_args()
     print(f"{'':8}{'away':>6}{'soon %':>9}{'ratio':>9}{'95 %':>7}{'worst':>7}{'back s':>9}{'worst':>7}", end="")
     print(f"{'reversals':>11}{'trips':>7}", flush=True)
-    for name, sensor in (("sensor", True), ("none", False)):
+    for name in options.source or ("sensor", "none"):
         with TemporaryDirectory() as folder:
             starts = range(options.first, options.first + options.starts)
-            found = list(outcomes(starts, options.seed, Path(folder), sensor=sensor))
+            found = list(outcomes(starts, options.seed, Path(folder), sensor=name == "sensor"))
         print(row(name, found), flush=True)
         late = sorted((one for one in found if one.best_s > 0.0), key=lambda one: one.back_s - ALLOWED * one.best_s)
         for one in late[:-6:-1]:
