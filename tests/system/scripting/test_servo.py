@@ -140,8 +140,8 @@ def test_trip_fails_the_motion_and_ends_at_zero_current(wire, tmp_path):
     limits = config.limits.model_copy(update={"tracking_max_mm": 0.5, "tracking_for_s": 0.2})
     with smadrive.open_rig(config.model_copy(update={"limits": limits})) as rig:
         servo = rig.servo(wire, tmp_path / "tripped.h5")
-        servo.move(4.0).wait()
-        motion = servo.move(8.0, speed_mm_per_s=100.0)  # faster than the wire
+        servo.move(8.0).wait()
+        motion = servo.move(3.0, speed_mm_per_s=100.0)  # faster than the wire cools
         assert isinstance(motion.exception(None), TripError)
         with pytest.raises(TripError) as tripped:
             servo.stop()
