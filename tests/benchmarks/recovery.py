@@ -34,7 +34,7 @@ from firmware_sim.physics.plant import Plant
 from smadrive.campaigns.execution.cluster import local_client, usable_cores
 from smadrive.campaigns.experiments.identification import WireKnowledge
 from smadrive.campaigns.experiments.run import identify
-from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig, simulated_wire
+from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig, tracked_wire
 from smadrive.campaigns.plan.plan import PlannedRun, load_plan
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.tracking import TrackingController
@@ -110,8 +110,8 @@ def random_reference(wire: WireModel, random: Random) -> Reference:
 
 def outcome_of(start: int, run: PlannedRun, knowledge: WireKnowledge) -> Outcome:
     """Run one start."""
-    random, sim = Random(start), simulated_wire(run)
-    simulated = SimulatedRig(run, sim if run.settings.displacement_sensor else without_sensor(sim), TRACKING)
+    random, sim = Random(start), tracked_wire(run)
+    simulated = SimulatedRig(run, sim, TRACKING)
     identified, plant = knowledge.wire, simulated.simulated_bench.plant
     wire = WireModel(identified.model, identified.heat_balance, identified.resistance)
     inverse, settings = HysteresisInverse(wire.model), tracking_settings(run.documents.rig)
@@ -148,11 +148,6 @@ def outcome_of(start: int, run: PlannedRun, knowledge: WireKnowledge) -> Outcome
     settled = time_s >= time_s[0] + min(back_s, AFTER_S)
     reversals = most_reversals(time_s[settled], current_a[settled], REVERSAL * settings.current_limit_a)
     return Outcome(start, back_s, best[0], reversals, False)
-
-
-def without_sensor(sim):
-    """Return the simulation without its displacement sensor."""
-    return sim.model_copy(update={"displacement": None})
 
 
 def time_back_s(time_s: np.ndarray, is_within: np.ndarray) -> float:
@@ -224,7 +219,6 @@ def main() -> None:
     """Print the table, and the slowest starts."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--starts", type=int, default=500)
-    parser.add_argument("--first", type=int, default=0, help="number of the first start")
     parser.add_argument("--seed", type=int, default=0, help="seed of the first wire")
     parser.add_argument("--source", choices=("sensor", "none"), action="append")
     options = parser.parse_args()
@@ -232,8 +226,7 @@ def main() -> None:
     print(f"{'reversals':>11}{'trips':>7}", flush=True)
     for name in options.source or ("sensor", "none"):
         with TemporaryDirectory() as folder:
-            starts = range(options.first, options.first + options.starts)
-            found = list(outcomes(starts, options.seed, Path(folder), sensor=name == "sensor"))
+            found = list(outcomes(range(options.starts), options.seed, Path(folder), sensor=name == "sensor"))
         print(row(name, found), flush=True)
         late = sorted((one for one in found if one.best_s > 0.0), key=lambda one: one.back_s - ALLOWED * one.best_s)
         for one in late[:-6:-1]:

@@ -34,6 +34,12 @@ def simulated_wire(run: PlannedRun) -> SimConfig:
     return changed_sim(random_wire(sim, wire.seed, wire.kind), run.settings.sim)
 
 
+def tracked_wire(run: PlannedRun) -> SimConfig:
+    """Return the simulated wire while it tracks: with or without a displacement sensor, as the run decides."""
+    sim = simulated_wire(run)
+    return sim if run.settings.displacement_sensor else sim.model_copy(update={"displacement": None})
+
+
 def wire_row(sim: SimConfig) -> Row:
     """Return the true parameters of the simulated wire."""
     wire, transformation = sim.wire, sim.transformation

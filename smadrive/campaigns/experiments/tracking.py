@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from firmware_sim.config import SimConfig
 from smadrive.campaigns.experiments.columns import Row
 from smadrive.campaigns.experiments.controllers import controller_of
 from smadrive.campaigns.experiments.identification import WireKnowledge
 from smadrive.campaigns.experiments.references import PlannedReference, planned_reference
-from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig, simulated_wire, wire_row
+from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig, simulated_wire, tracked_wire, wire_row
 from smadrive.campaigns.plan.plan import PlannedRun
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.loop import LoopMetrics, Tick
@@ -83,7 +82,7 @@ def tracking_row(run: PlannedRun, knowledge: WireKnowledge, log_file: Path | Non
     """
     assert run.reference is not None
     sim = simulated_wire(run)
-    simulated = SimulatedRig(run, _with_or_without_sensor(run, sim), TRACKING)
+    simulated = SimulatedRig(run, tracked_wire(run), TRACKING)
     balance = knowledge.wire.heat_balance or simulated.rig.nominal_balance
     wire = WireModel(knowledge.wire.model, balance, knowledge.wire.resistance)
     planned = planned_reference(run.reference, wire, run.documents.rig)
@@ -129,7 +128,3 @@ def _recorder(
     title = f"run {run.number} of a campaign: {run.settings.controller}, {dict(run.levels)}"
     seed = str(run.settings.seed)
     return record_tracking(log_file, rig, reference, wire.model, wire.balance, inverse, seed=seed, title=title)
-
-
-def _with_or_without_sensor(run: PlannedRun, sim: SimConfig) -> SimConfig:
-    return sim if run.settings.displacement_sensor else sim.model_copy(update={"displacement": None})

@@ -57,7 +57,9 @@ class SwappableController:
         return self.command
 
     def swap(self, controller: TrackingController, reference: Reference) -> None:
-        """Replace the old controller by `controller`, which takes over the old state: the output does not jump.
+        """Replace the old controller by `controller`, which takes over its state.
+
+        The output jumps only if the error is large.
 
         If `reference` is a new one, it begins now; otherwise the present reference continues.
         """

@@ -7,7 +7,7 @@ A command acts one period after its measurement. So the observer advances its es
 that is in force during this period. The controller computes the command from the advanced estimate.
 
 The state of a controller is an immutable tuple, so another controller can take over this state. A controller with
-another reference, model or setting then continues without a jump of the command.
+another reference, model or setting then continues without a jump of the command, unless the error is large.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class TrackingController:
         return self._state
 
     def take_over(self, before: TrackingController) -> None:
-        """Continue from the state of the controller `before`, without a jump of the command.
+        """Continue from the state of the controller `before`; the command jumps only if the error is large.
 
         The state is converted to the model of this controller. A reversal that `before` has begun continues only if
         both controllers have the same reference.
