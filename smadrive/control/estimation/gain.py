@@ -30,14 +30,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
+from smadrive.control.estimation.innovation import DisturbanceEvidence
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
 Array = NDArray[np.float64]
 JointGain = tuple[tuple[float, float], ...]
-
 CACHED_GAINS = 4096
-"""Number of gains that are cached: another controller for the same wire does not solve its gains again."""
+"""Number of cached gains: another controller for the same wire does not solve its gains again."""
 
 
 class ProcessNoise(NamedTuple):
@@ -68,7 +68,7 @@ SHIFT_S = 1000.0
 """The shift decays with this time constant, s. Without a decay the Riccati equation has no stationary solution."""
 
 MOST_NOISES = 10.0
-"""The gain for a disturbance applies to at most this many standard deviations of a sensor's noise."""
+"""The gain for a disturbance applies to at most this many standard deviations of the noise in a single innovation."""
 
 NOISE_STEP = 4.0
 """Ratio of two neighbouring noises of the displacement for which the gains are solved."""
@@ -116,7 +116,9 @@ class GainsByNoise:
         """Return the correction when only the thermocouple is measured; see GainSchedule."""
         return self._schedules[0].by_reading(read_c, evidence)
 
-    def by_both(self, slope: float, read_c: float, phase_error: float, evidence: float, noise: float) -> Correction:
+    def by_both(
+        self, slope: float, read_c: float, phase_error: float, evidence: DisturbanceEvidence, noise: float
+    ) -> Correction:
         """Return the correction for a displacement with the standard deviation `noise`; see GainSchedule."""
         place = min(log(max(noise / self._noise, 1.0)) / log(NOISE_STEP), self._last)
         level = int(place)
@@ -133,10 +135,10 @@ class GainSchedule:
 
     `slope` is the derivative of the phase with respect to the wire temperature, 1/K. The phase is the displacement as a
     share of the travel. `read_c` and `phase_error` are measured - expected value: `read_c` of the thermocouple in K,
-    `phase_error` of the phase. `evidence` goes from 0, for the gains in calm air, to 1, for the gains in a disturbance.
-    The larger gains apply to at most `MOST_NOISES` standard deviations of the noise, because a spike of a sensor is no
-    disturbance. The standard deviations of the noise are `noise_c` of the thermocouple, K, and `noise` of the measured
-    phase. `phase_noise` is the error of the hysteresis model, the standard deviation of the phase after one second.
+    `phase_error` of the phase. The level of `evidence` goes from 0, for the gains in calm air, to 1, for the gains in a
+    disturbance. The larger gains apply to at most `MOST_NOISES` standard deviations of the noise, or to an innovation
+    that repeats, because a spike of a sensor is no disturbance. `noise_c` is the standard deviation of the noise of the
+    thermocouple, K, and `noise` that of the phase. `phase_noise` is the error of the model after one second.
     """
 
     def __init__(
@@ -166,22 +168,20 @@ class GainSchedule:
         )
         return Correction(wire, thermocouple, disturbance, 0.0, 0.0)
 
-    def by_both(self, slope: float, read_c: float, phase_error: float, evidence: float) -> Correction:
+    def by_both(self, slope: float, read_c: float, phase_error: float, evidence: DisturbanceEvidence) -> Correction:
         """Return the correction when thermocouple and displacement are measured.
 
         `read_c` is measured - expected temperature of the thermocouple, K. `phase_error` is measured - expected phase.
         The gains are interpolated between the two tabulated slopes next to `slope`, 1/K.
         """
         calm = self._at(self._calm, slope, read_c, phase_error)
-        if evidence == 0.0:
+        if evidence.level == 0.0:
             return Correction(*calm)
-        read_c, phase_error = (
-            min(max(read_c, -self._most_c), self._most_c),
-            min(max(phase_error, -self._most), self._most),
-        )
+        read_c = min(max(read_c, -self._most_c), self._most_c)
+        phase_error = min(max(phase_error, min(-self._most, evidence.repeated)), max(self._most, evidence.repeated))
         less, more = (self._at(gains, slope, read_c, phase_error) for gains in (self._calm, self._disturbed))
         parts = zip(calm, less, more, strict=True)
-        return Correction(*[one + evidence * (high - low) for one, low, high in parts])
+        return Correction(*[one + evidence.level * (high - low) for one, low, high in parts])
 
     def _at(self, gains: list[JointGain], slope: float, read_c: float, phase_error: float) -> list[float]:
         """Return the correction by `gains`, which are tabulated over the slope."""

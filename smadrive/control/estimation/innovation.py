@@ -55,12 +55,14 @@ class DisturbanceEvidence(NamedTuple):
     phase     mean innovation of the displacement, as a share of the travel
     level     0 while the innovations look like noise, 1 for a certain disturbance
     spent_s   integral of the level over time, forgotten with the time constant `FORGET_S`, s
+    repeated  twice the mean innovation of the displacement before the last one: a second equal innovation repeats whole
     """
 
     read_c: float = 0.0
     phase: float = 0.0
     level: float = 0.0
     spent_s: float = 0.0
+    repeated: float = 0.0
 
 
 class InnovationTest:
@@ -104,7 +106,7 @@ class InnovationTest:
         """Return the state with the level `grown`, or with the decayed level of `before` if that is larger."""
         level = max(before.level * self._decay, grown)
         spent_s = before.spent_s * self._forget + level * self._period_s
-        return DisturbanceEvidence(mean_c, mean, level if spent_s < MOST_S else 0.0, spent_s)
+        return DisturbanceEvidence(mean_c, mean, level if spent_s < MOST_S else 0.0, spent_s, 2.0 * before.phase)
 
 
 def _grown(deviations: float, thresholds: tuple[float, float]) -> float:

@@ -17,6 +17,9 @@ A draft multiplies the heat loss h A (T - T_amb). So a large unexplained power d
 between two updates. A draft changes d within a second. An innovation test (innovation.py) finds this change, and the
 gains are larger for a while.
 
+At a measured displacement the temperature lies between the branches of the loop. A correction beyond them is reduced:
+the displacement has much less noise than the temperature, so a small contradiction is an error of the temperature.
+
 The estimate is the whole state of an observer, so another observer can continue from it.
 """
 
@@ -29,6 +32,7 @@ from smadrive.control.estimation.gain import GainsByNoise
 from smadrive.control.estimation.innovation import DisturbanceEvidence, InnovationTest
 from smadrive.hysteresis import HysteresisState
 from smadrive.hysteresis.reversal import Play
+from smadrive.wire.branch_temperatures import BranchTemperatures
 from smadrive.wire.wire_model import WireModel, WireState
 
 DEAD_BAND_NOISES = 0.2
@@ -49,6 +53,12 @@ MOST_DRAFT = 0.8
 The thermocouple alone cannot tell a draft from a bead that comes off. A larger share would overheat a wire whose bead
 comes off.
 """
+
+MARGIN_NOISES = 3.0
+"""The displacement that limits the temperature may be wrong by this many standard deviations of its noise."""
+
+MOST_REDUCED_C = 1.0
+"""Largest reduction of one correction by this limit, K. A larger contradiction is an error of the hysteresis model."""
 
 NOISES = 5
 """Number of noises with solved gains if the resistance is identified; the largest is 256 times the smallest."""
@@ -102,6 +112,7 @@ class WireObserver:
         self._noise_mm = noise_mm
         self._gains = GainsByNoise(wire, period_s, noise_c, noise, 1 if wire.resistance is None else NOISES)
         self._test = InnovationTest(period_s, noise_c, noise)
+        self._branches = BranchTemperatures(wire.model)
         self._seeing_c, self._blind_c = DEAD_BAND_NOISES * noise_c, BLIND_NOISES * noise_c
 
     def start(self, reading_c: float, displacement_mm: float) -> WireEstimate:
@@ -213,11 +224,12 @@ class WireObserver:
         )
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
         wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(
-            slope, read_c, phase_error, evidence.level, noise_mm / abs(self._wire.travel_mm)
+            slope, read_c, phase_error, evidence, noise_mm / abs(self._wire.travel_mm)
         )
         limited_c = min(max(expected.shift_c + shift_c, -MOST_SHIFT_C), MOST_SHIFT_C)
         shift_c = limited_c - expected.shift_c
         y = expected.hysteresis.y + self._wire.travel_mm * phase
+        wire_c += self._reduction_c(expected.hysteresis.v + wire_c - shift_c, y, noise_mm)
         return WireEstimate(
             expected.temperature_c + wire_c,
             expected.thermocouple_c + thermocouple_c,
@@ -228,3 +240,8 @@ class WireObserver:
             evidence,
             limited_c,
         )
+
+    def _reduction_c(self, input_c: float, y: float, noise_mm: float) -> float:
+        """Return the change that brings the input of the hysteresis model between the branches at the output y, K."""
+        outside_c = self._branches.nearest_c(input_c, y, MARGIN_NOISES * noise_mm) - input_c
+        return min(max(outside_c, -MOST_REDUCED_C), MOST_REDUCED_C)

@@ -5,8 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
+from smadrive.control.estimation.innovation import DisturbanceEvidence
 from smadrive.control.estimation.observer import MOST_DRAFT, WireObserver
 from smadrive.hysteresis import DuhemModel
+from smadrive.hysteresis.reversal import Play
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
@@ -152,6 +154,38 @@ def test_draft_becomes_a_power_with_a_displacement_sensor():
     assert power_w[-1] == pytest.approx(-0.6 * TRUE.loss_w_per_k * (wire[-1] - TRUE.ambient_c), rel=0.2)
     assert abs(shift[-1]) < 1.0
     assert rms((estimated - wire)[-40:]) < 0.4
+
+
+def test_hot_reading_does_not_move_the_measured_displacement():
+    """The wire has just left the heating branch in a disturbance. A hotter wire would be farther along this branch."""
+    observer, state = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012), LOOP.initial_state(88.0)
+    estimate = observer.start(88.0, state.y)._replace(evidence=DisturbanceEvidence(level=1.0), play=Play(88.0, -1))
+    estimate = observer.update(estimate, 88.4, state.y, 0.99 * TRUE.power_w(88.0, 0.0, 0.0), DT_S)
+    assert estimate.temperature_c > 88.0
+    assert abs(estimate.hysteresis.y - state.y) < 4 * 0.012
+
+
+def test_contradiction_of_both_sensors_makes_no_impossible_power():
+    """The thermocouple reads 30 K more than the wire has at this displacement, with the largest shift 20 K more."""
+    observer, state = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012), LOOP.initial_state(80.0)
+    estimate, unexplained_w = observer.start(80.0, state.y), []
+    for _ in range(200):
+        estimate = observer.update(estimate, 110.0, state.y, TRUE.power_w(110.0, 0.0, 0.0), DT_S)
+        unexplained_w.append(estimate.disturbance_w)
+    assert np.abs(unexplained_w).max() < 5.0
+    assert estimate.temperature_c > 95.0
+
+
+def test_innovation_that_repeats_counts_whole_and_a_spike_does_not():
+    observer, state = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012), LOOP.initial_state(88.0)
+    power_w, off_mm = TRUE.power_w(88.0, 0.0, 0.0), 0.5
+    before = observer.start(88.0, state.y)
+    errors_mm = []
+    for seen_mm in (state.y - off_mm, state.y - 2.0 * off_mm):
+        before = observer.update(before, 88.0, seen_mm, power_w, DT_S)
+        errors_mm.append(before.hysteresis.y - seen_mm)
+    assert errors_mm[0] > 0.3 * off_mm
+    assert errors_mm[1] < 0.6 * errors_mm[0]
 
 
 def test_observer_continues_from_the_estimate_of_another():
