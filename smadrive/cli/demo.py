@@ -18,7 +18,8 @@ from smadrive.cli.views.metrics_table import HEADER, table_row
 from smadrive.cli.views.reports.demo_report import write_demo_report
 from smadrive.cli.views.run_view import shown
 from smadrive.clock import Clock
-from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse, StaticMap
+from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
+from smadrive.control.feedforward.static_map import StaticMap
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.identification.wire import WireFit, identify_wire

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from enum import StrEnum
-from math import exp, isfinite, sqrt
+from math import exp, inf, isfinite, log, sqrt
 
 from smadrive.errors import ModelError
 
@@ -85,6 +85,18 @@ class HeatBalance:
         settled_c = self.ambient_c + power_w / self.loss_w_per_k
         capacity = self.heat_capacity_j_per_k + self.latent_heat_j * phase_per_k
         return settled_c + (temperature_c - settled_c) * exp(-dt_s * self.loss_w_per_k / capacity)
+
+    def cooling_s(self, from_c: float, to_c: float) -> float:
+        """Return the time in which the wire cools without power and without transformation, s.
+
+        It is τ log((from - ambient) / (to - ambient)): 0 if the wire is already as cold, infinite if the temperature
+        `to_c` is not above the ambient temperature.
+        """
+        if from_c <= to_c:
+            return 0.0
+        if to_c <= self.ambient_c:
+            return inf
+        return self.time_constant_s * log((from_c - self.ambient_c) / (to_c - self.ambient_c))
 
     def step_thermocouple(self, reading_c: float, wire_before_c: float, wire_after_c: float, dt_s: float) -> float:
         """Return the reading of the thermocouple in °C after `dt_s`.

@@ -18,7 +18,8 @@ from smadrive.campaigns.plan.config import FitConfig
 from smadrive.campaigns.plan.plan import PlannedRun
 from smadrive.control.controllers.interface import Command, Controller
 from smadrive.control.controllers.tracking import TrackingController
-from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse, StaticMap
+from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
+from smadrive.control.feedforward.static_map import StaticMap
 from smadrive.control.references.reference import Reference
 from smadrive.identification.wire import identify_hysteresis
 from smadrive.measurement import Measurement

@@ -3,29 +3,28 @@
 The inverse starts from the estimated displacement, not from the setpoint. The wire keeps the direction of the
 reference. If the estimate is a little ahead of the reference, the wire waits and does not reverse, because after a
 reversal the temperature of a hysteretic wire must change by many kelvin before the wire moves. The wire reverses only
-for a large lead: the lead must exceed `REVERSAL_TOLERANCE` even after the reference has moved on for `REVERSAL_S`. For
-a smaller lead, two reversals would take longer than the wait.
+if the wait takes longer than the cooling, without power, from T₊ to T₋:
+
+    (lead - tolerance) / rate of the reference  >  τ log((T₊ - T_amb) / (T₋ - T_amb))
+
+T₋ is the temperature at which the cooling wire begins to move. T₊ is the temperature at which the heated wire begins to
+move, or that of the wire itself if the reference rises. τ is the time constant; the heating takes far less time. While
+the wire cools, both sides decrease by 1 s in each second, so the wire does not change its mind. It always waits for a
+reference that it leads by less than the tolerance.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import isotonic_regression
-
 from smadrive.control.estimation.observer import WireEstimate
-from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel, HysteresisState, InverseFeedforward
-from smadrive.numerics.piecewise_linear import PiecewiseLinear
+from smadrive.wire.branch_temperatures import BranchTemperatures
 from smadrive.wire.wire_model import WireModel, travel_mm
 
 REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire reverses."""
-
-REVERSAL_S = 1.0
-"""Approximate time in which a wire crosses its hysteresis to the other branch and back, s."""
 
 WAITING_RANGE_C = 0.5
 """A waiting wire is at most this far behind the branch that it needs next, K: below it on heating, above on cooling."""
@@ -53,17 +52,19 @@ FOOT_S = 2.0
 COLDER_C = 5.0
 """The target temperature of a cold wire is this far below the model's range, K: sensor noise then commands no heat."""
 
-BRANCH_POINTS = 2000
-"""Number of points in the table of the heating branch."""
-
 BEYOND_C = 1.0
 """The target is at most this far above the heating branch at the setpoint, K.
 
 No state needs more. Without this limit, a stuck displacement sensor would request a higher and higher temperature.
 """
 
-MAP_LEVELS = 50
-"""Entries of the static map, about as many as in a table that is made by hand."""
+CoolingTime = Callable[[float, float], float]
+"""A function that returns the time in s in which the wire cools from one temperature to another."""
+
+
+def at_once(from_c: float, to_c: float) -> float:  # noqa: ARG001
+    """Return the cooling time of a wire without heat: 0 s."""
+    return 0.0
 
 
 class TemperatureTarget(NamedTuple):
@@ -87,12 +88,17 @@ class DisplacementInverse(Protocol):
     hysteretic: bool
 
     def target(
-        self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0
+        self,
+        state: HysteresisState,
+        setpoint_mm: float,
+        direction: int,
+        rate_mm_per_s: float = 0.0,
+        cooling_s: CoolingTime = at_once,
     ) -> TemperatureTarget:
         """Return the temperature that takes the wire from `state` to `setpoint_mm`.
 
         `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the cold end.
-        `rate_mm_per_s` is the rate of the setpoint.
+        `rate_mm_per_s` is the rate of the setpoint, `cooling_s` the cooling time between two inputs of the model.
         """
         ...
 
@@ -110,17 +116,21 @@ class HysteresisInverse:
         self._inverse = InverseFeedforward(model)
         self._cold_mm, hot_mm = travel_mm(model)
         self._travel_mm = hot_mm - self._cold_mm
-        heated_c = np.linspace(*model.input_range, BRANCH_POINTS)
-        phases = (model.simulate(heated_c) - self._cold_mm) / self._travel_mm
-        self._hottest_c = PiecewiseLinear(np.maximum.accumulate(phases), heated_c + BEYOND_C)
+        self._branches = BranchTemperatures(model)
 
     def target(
-        self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0
+        self,
+        state: HysteresisState,
+        setpoint_mm: float,
+        direction: int,
+        rate_mm_per_s: float = 0.0,
+        cooling_s: CoolingTime = at_once,
     ) -> TemperatureTarget:
         """Return the temperature that takes the wire from `state` to `setpoint_mm`, or at which the wire waits.
 
         `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the cold end.
-        `rate_mm_per_s` is the rate of the setpoint. An unreachable setpoint gives the end of the model's temperature
+        `rate_mm_per_s` is the rate of the setpoint, `cooling_s` the cooling time between two temperatures. The wire
+        waits for at most the time of a reversal. An unreachable setpoint gives the end of the model's temperature
         range, and the derivative 0; for a cold wire see `COLDER_C`. The target is at most `BEYOND_C` above the heating
         branch at the setpoint.
         """
@@ -128,13 +138,27 @@ class HysteresisInverse:
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
             return TemperatureTarget(self._model.input_range[0] - COLDER_C, 0.0, self._cold_mm)
         lead = direction * (state.y - setpoint_mm) / self._travel_mm
-        made_up = max(direction * rate_mm_per_s / self._travel_mm * REVERSAL_S, 0.0)
-        if 0.0 <= lead <= REVERSAL_TOLERANCE + made_up:
+        toward = direction * rate_mm_per_s / self._travel_mm
+        if lead >= 0.0 and (lead <= REVERSAL_TOLERANCE or self._waits(state, lead, toward, direction, cooling_s)):
             found = self._wait(state, lead, direction, setpoint_mm)
         else:
             found = self._reach(state, setpoint_mm)
-        hottest_c = self._hottest_c.at((setpoint_mm - self._cold_mm) / self._travel_mm)
+        hottest_c = self._branches.heating_c(setpoint_mm) + BEYOND_C
         return found if found.temperature_c <= hottest_c else found._replace(temperature_c=hottest_c, k_per_mm=0.0)
+
+    def _waits(
+        self, state: HysteresisState, lead: float, toward: float, direction: int, cooling_s: CoolingTime
+    ) -> bool:
+        """Return True if the reference makes up the lead sooner than a reversal, as at the head of this file.
+
+        `toward` is the rate at which the reference approaches the wire, in strokes per s.
+        """
+        if toward <= 0.0:
+            return False
+        moved_mm = READY * self._travel_mm
+        warm_c = state.v if direction > 0 else self._inverse.update(state, state.y + moved_mm).v
+        cold_c = self._inverse.update(state, state.y - moved_mm).v
+        return (lead - REVERSAL_TOLERANCE) / toward <= cooling_s(warm_c, cold_c)
 
     def _reach(self, state: HysteresisState, setpoint_mm: float) -> TemperatureTarget:
         """Return the temperature at which the wire reaches the setpoint."""
@@ -168,52 +192,6 @@ class HysteresisInverse:
         return TemperatureTarget(target_c, self._k_per_mm(per_k), setpoint_mm)
 
 
-class StaticMap:
-    """A static temperature map: the displacement is a monotone function of the temperature, without hysteresis.
-
-    The map is fitted to a record by isotonic regression and tabulated at `MAP_LEVELS` displacements. It runs about
-    midway between the branches, like a calibration table. Comparisons use it as the baseline for the inverse
-    feedforward.
-    """
-
-    hysteretic = False
-
-    def __init__(self, temperature_c: ArrayLike, displacement_mm: ArrayLike) -> None:
-        temperature = np.asarray(temperature_c, dtype=np.float64)
-        displacement = np.asarray(displacement_mm, dtype=np.float64)
-        if temperature.shape != displacement.shape or temperature.size < 2:
-            raise DataError(
-                "needs two columns of the same length, with 2 samples at least",
-                where="static map",
-                value=(temperature.shape, displacement.shape),
-            )
-        order = np.argsort(temperature, kind="stable")
-        rising = np.corrcoef(temperature, displacement)[0, 1] >= 0
-        fit = isotonic_regression(displacement[order], increasing=bool(rising))
-        level, first = np.unique(fit.x, return_index=True)
-        self._displacement_mm = np.linspace(level[0], level[-1], MAP_LEVELS)
-        self._temperature_c: NDArray[np.float64] = np.interp(self._displacement_mm, level, temperature[order][first])
-
-    def target(
-        self,
-        state: HysteresisState,
-        setpoint_mm: float,
-        direction: int,  # noqa: ARG002
-        rate_mm_per_s: float = 0.0,  # noqa: ARG002
-    ) -> TemperatureTarget:
-        """Return the temperature of the map at `setpoint_mm`; the history of the wire has no effect.
-
-        Outside the displacements of the map, the result is the temperature at the end of the map, with the derivative
-        0.
-        """
-        at = int(np.searchsorted(self._displacement_mm, setpoint_mm))
-        if not 0 < at < MAP_LEVELS:
-            return TemperatureTarget(float(self._temperature_c[min(at, MAP_LEVELS - 1)]), 0.0, state.y)
-        (y0, y1), (t0, t1) = self._displacement_mm[at - 1 : at + 1], self._temperature_c[at - 1 : at + 1]
-        k_per_mm = float((t1 - t0) / (y1 - y0))
-        return TemperatureTarget(float(t0) + k_per_mm * (setpoint_mm - float(y0)), k_per_mm, state.y)
-
-
 class Feedforward(NamedTuple):
     """The setpoint of the wire temperature, the power for it, and the displacement that the wire then has."""
 
@@ -237,7 +215,11 @@ class DisplacementFeedforward:
         `disturbance_w` is subtracted from the power. `direction` is the direction of the reference: +1 towards the hot
         end of the travel, -1 towards the cold end.
         """
-        target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s)
+
+        def cooling_s(from_c: float, to_c: float) -> float:
+            return self._balance.cooling_s(from_c + estimate.shift_c, to_c + estimate.shift_c)
+
+        target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s, cooling_s)
         rate_c_per_s = target.k_per_mm * rate_mm_per_s
         temperature_c = target.temperature_c + estimate.shift_c
         power_w = self._balance.power_w(temperature_c, rate_c_per_s, rate_mm_per_s / self._travel_mm)

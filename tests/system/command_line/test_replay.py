@@ -7,7 +7,8 @@ from math import inf, nan
 import numpy as np
 import pytest
 
-from smadrive.control.feedforward.displacement import HysteresisInverse, StaticMap
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.feedforward.static_map import StaticMap
 from smadrive.control.references.shapes import sine
 from smadrive.errors import DataError
 from smadrive.hysteresis import DuhemModel

@@ -8,7 +8,8 @@ import pytest
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
-from smadrive.control.feedforward.displacement import HysteresisInverse, StaticMap
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.feedforward.static_map import StaticMap
 from smadrive.control.references.shapes import sine
 from smadrive.errors import SafetyError, TripError
 from smadrive.rig.config import load_rig

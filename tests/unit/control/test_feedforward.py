@@ -11,13 +11,13 @@ from smadrive.control.feedforward.displacement import (
     WAITING_RANGE_C,
     DisplacementFeedforward,
     HysteresisInverse,
-    StaticMap,
 )
+from smadrive.control.feedforward.static_map import StaticMap
 from smadrive.errors import DataError
 from smadrive.hysteresis import DuhemModel, InverseFeedforward, TriangularSets, TSFuzzyDuhem
 from smadrive.hysteresis.reversal import Play
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.wire_model import WireModel, travel_mm
+from smadrive.wire.wire_model import WireModel, WireState, travel_mm
 
 WIRE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
 LOOP = DuhemModel.gaussian(
@@ -26,6 +26,10 @@ LOOP = DuhemModel.gaussian(
 FALLING = DuhemModel.gaussian(
     mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-12, offset=12, input_range=(0, 160)
 )
+
+
+def wire_of(model):
+    return WireModel(model, WIRE)
 
 
 def at_rest(state, unexplained_w=0.0):
@@ -59,12 +63,26 @@ def test_wire_far_ahead_reverses_along_the_other_branch():
 
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
 def test_wire_ahead_of_a_fast_reference_does_not_reverse(model):
-    state = model.initial_state(90.0)
+    """The wire would cool for a quarter of a second; the reference needs an eighth of a second, or five seconds."""
+    state, feedforward = model.initial_state(90.0), DisplacementFeedforward(HysteresisInverse(model), wire_of(model))
     setpoint_mm = state.y - 0.025 * model.scale
-    waits = HysteresisInverse(model).target(state, setpoint_mm, 1, rate_mm_per_s=0.03 * model.scale)
-    turns = HysteresisInverse(model).target(state, setpoint_mm, 1, rate_mm_per_s=0.003 * model.scale)
+    waits = feedforward.update(at_rest(state), setpoint_mm, 0.12 * model.scale, direction=1)
+    turns = feedforward.update(at_rest(state), setpoint_mm, 0.003 * model.scale, direction=1)
     assert 89.0 < waits.temperature_c < 90.0
     assert turns.temperature_c < 85.0
+
+
+@pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
+def test_wire_that_reverses_does_not_change_its_mind(model):
+    """The reference would come back to the wire in twice the time of the cooling."""
+    wire, state = wire_of(model), WireState(90.0, model.initial_state(90.0))
+    feedforward, rate_mm_per_s, begun_mm = DisplacementFeedforward(HysteresisInverse(model), wire), 0.015, state[1].y
+    setpoint_mm = begun_mm - 0.025 * model.scale
+    while abs(state.hysteresis.y - begun_mm) < 0.002 * abs(model.scale):
+        found = feedforward.update(at_rest(state.hysteresis), setpoint_mm, rate_mm_per_s * model.scale, direction=1)
+        assert found.temperature_c < state.temperature_c - 0.5
+        state = wire.step(state, 0.0, 0.01)
+        setpoint_mm += rate_mm_per_s * model.scale * 0.01
 
 
 def test_waiting_where_the_branch_is_flat_is_bounded():

@@ -30,6 +30,13 @@ def test_step_is_the_exact_solution_of_the_heat_balance():
     assert reading == pytest.approx(exact[1], abs=1e-5)
 
 
+def test_cooling_time_is_that_of_the_exact_solution():
+    time_s = WIRE.cooling_s(95.0, 70.0)
+    assert WIRE.step(95.0, 0.0, 0.0, time_s) == pytest.approx(70.0)
+    assert WIRE.cooling_s(70.0, 70.0) == WIRE.cooling_s(60.0, 70.0) == 0.0
+    assert WIRE.cooling_s(70.0, WIRE.ambient_c) == float("inf")
+
+
 def test_latent_heat_slows_the_wire_as_a_larger_capacity_would():
     slope_per_k = 0.05
     heavier = dataclasses.replace(WIRE, heat_capacity_j_per_k=0.029 + 0.83 * slope_per_k)
