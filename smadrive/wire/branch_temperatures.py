@@ -24,11 +24,10 @@ class BranchTemperatures:
 
     def __init__(self, model: HysteresisModel) -> None:
         warming_c = np.linspace(*model.input_range, POINTS)
-        loop_mm = model.simulate(np.concatenate([warming_c, warming_c[::-1]]))
-        self._sense = 1.0 if loop_mm[POINTS - 1] >= loop_mm[0] else -1.0
+        self._sense = 1.0 if model.scale > 0.0 else -1.0
         self._heating, self._cooling = (
-            PiecewiseLinear(np.maximum.accumulate(self._sense * branch_mm), warming_c)
-            for branch_mm in (loop_mm[:POINTS], loop_mm[POINTS:][::-1])
+            PiecewiseLinear(np.maximum.accumulate(self._sense * (model.offset + model.scale * branch)), warming_c)
+            for branch in (model.branch(warming_c, rising=True), model.branch(warming_c, rising=False))
         )
 
     def heating_c(self, displacement_mm: float) -> float:

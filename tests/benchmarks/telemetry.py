@@ -105,8 +105,12 @@ def measured(
 def with_subscriber(
     folder: Path, duration_s: float, disturb: Callable[[MosquittoBroker], None] = lambda _: None
 ) -> Result:
-    """Run with a broker and a subscriber, and count what the subscriber gets."""
-    with MosquittoBroker(folder) as broker, Subscriber(broker) as subscriber:
+    """Run with a broker and a subscriber, and count what the subscriber gets.
+
+    The broker keeps the subscriber's session. Otherwise the samples that it confirms between a restart and the return
+    of the subscriber would count as lost.
+    """
+    with MosquittoBroker(folder, remembers=True) as broker, Subscriber(broker, "recorder") as subscriber:
         result = measured(folder, duration_s, broker, disturb)
         wait_for(lambda: subscriber.texts("driver")[-1:] == ["ended"])
         numbers = [json.loads(text)["number"] for text in subscriber.texts("sample")]

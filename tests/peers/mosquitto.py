@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import getpass
 import shutil
 import signal
 import socket
@@ -31,12 +32,17 @@ def free_port():
 
 
 class MosquittoBroker:
-    """A broker with the configuration `lines`, at `port`. A context manager that ends the broker."""
+    """A broker with the configuration `lines`, at `port`. A context manager that ends the broker.
 
-    def __init__(self, folder, lines=("allow_anonymous true",)):
+    With `remembers` it keeps the sessions of its subscribers, and their messages, when it is stopped and started again.
+    """
+
+    def __init__(self, folder, lines=("allow_anonymous true",), *, remembers=False):
         self.port = free_port()
         self._config = folder / "mosquitto.conf"
-        self._config.write_text("\n".join([f"listener {self.port} 127.0.0.1", "persistence false", *lines]) + "\n")
+        memory = [f"persistence {str(remembers).lower()}", f"persistence_location {folder}/", "max_queued_messages 0"]
+        user = f"user {getpass.getuser()}"  # a broker that is started by root gives up its rights
+        self._config.write_text("\n".join([f"listener {self.port} 127.0.0.1", user, *memory, *lines]) + "\n")
         self.process = None
 
     @property
@@ -77,14 +83,17 @@ class MosquittoBroker:
 
 
 class Subscriber:
-    """Collects all messages of a broker as (topic, text, retain). It reconnects by itself. A context manager."""
+    """Collects all messages of a broker as (topic, text, retain). It reconnects by itself. A context manager.
 
-    def __init__(self, broker):
+    With a `name` it has a session: the broker keeps its messages while it is not connected.
+    """
+
+    def __init__(self, broker, name=""):
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
 
         self.messages = []
-        self._client = Client(CallbackAPIVersion.VERSION2)
+        self._client = Client(CallbackAPIVersion.VERSION2, client_id=name, clean_session=not name)
         self._client.reconnect_delay_set(1, 1)
         self._is_subscribed = threading.Event()
         self._client.on_connect = lambda client, *_: client.subscribe("#", 1)
