@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from marks import exhaustive
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
@@ -67,7 +66,8 @@ def follow(share, shift_c, drift):
     return 100.0 * rms((fixed - true)[last]) / STROKE_MM, 100.0 * rms(errors[last]) / STROKE_MM, adaptation
 
 
-@pytest.mark.parametrize("share", [exhaustive(0.3), 0.7, exhaustive(1.0)])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("share", [0.3, 0.7, 1.0])
 def test_drift_is_followed_with_a_third_of_the_error(share):
     fixed, adapted, adaptation = follow(share, 3.0, -0.05)
     assert fixed > 5.0

@@ -7,6 +7,7 @@ import h5py
 import numpy as np
 import pytest
 from benchmarks.oldlog import without_checksums
+from marks import exhaustive
 
 from smadrive.errors import DataError
 from smadrive.runs.log.layout import MOST_OPEN_ROWS
@@ -134,9 +135,10 @@ def test_overwritten_checksums_of_a_killed_run_are_found(tmp_path, rows, is_lost
         assert read_log(path).column("time_s").size == lost
 
 
-def test_damage_anywhere_is_an_error_or_harmless(sound, tmp_path):
+@pytest.mark.parametrize("seeds", [range(100), exhaustive(range(100, 400))])
+def test_damage_anywhere_is_an_error_or_harmless(sound, tmp_path, seeds):
     whole, expected, path = sound.read_bytes(), content(read_log(sound)), tmp_path / "run.h5"
-    for seed in range(400):
+    for seed in seeds:
         rng, data = random.Random(seed), bytearray(whole)
         for _ in range(rng.choice((1, 2, 4, 16))):
             data[rng.randrange(rng.choice((2000, 20_000, len(data))))] = rng.randrange(256)

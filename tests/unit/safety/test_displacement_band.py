@@ -1,5 +1,6 @@
 """The displacements that a wire can have at a temperature."""
 
+from functools import cache
 from itertools import pairwise
 from math import inf, nan
 
@@ -12,6 +13,7 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.safety.displacement_band import MARGIN, UNSURE_C, DisplacementBand
 
 
+@cache
 def wire(scale):
     return DuhemModel.gaussian(
         mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=scale, offset=1.0, input_range=(20, 140)
