@@ -16,8 +16,8 @@ each of several slopes. The two sensors together tell a draft from a load: a dra
 the draft cools the wire.
 
 Each gain is solved twice: for calm air, where d and b drift slowly, and for a disturbance, where they change within a
-second. The gain for a disturbance is larger: it follows a disturbance, but also the noise. The innovation test
-(innovation.py) decides between these two gains.
+second, and where the phase may change although the model expects no change. The gain for a disturbance is larger: it
+follows a disturbance, but also the noise. The innovation test (innovation.py) decides between these two gains.
 """
 
 from __future__ import annotations
@@ -31,38 +31,22 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from smadrive.control.estimation.innovation import DisturbanceEvidence
+from smadrive.control.estimation.process_noise import (
+    CALM,
+    DISTURBED,
+    DISTURBED_PHASE_NOISE,
+    PHASE_NOISE,
+    SLOW_PHASE_NOISE,
+    ProcessNoise,
+)
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
 Array = NDArray[np.float64]
 JointGain = tuple[tuple[float, float], ...]
+
 CACHED_GAINS = 4096
-"""Number of cached gains: another controller for the same wire does not solve its gains again."""
-
-
-class ProcessNoise(NamedTuple):
-    """The errors of the heat balance: standard deviations after one second, K.
-
-    `wire_c` is the error of the wire temperature, `drift_c` the drift of the unexplained power, divided by h A, and
-    `shift_c` the drift of the transformation.
-    """
-
-    wire_c: float
-    drift_c: float
-    shift_c: float
-
-
-CALM = ProcessNoise(0.015, 0.2, 0.05)
-"""Process noise in calm air."""
-
-DISTURBED = ProcessNoise(0.1, 20.0, 3.0)
-"""Process noise in a disturbance. With more drift the observer would follow a draft, but also the noise, faster."""
-
-PHASE_NOISE = 0.003
-"""Error of the hysteresis model: standard deviation of the phase after one second."""
-
-SLOW_PHASE_NOISE = 0.001
-"""`PHASE_NOISE` for a noisier displacement: the filter averages it over seconds, and model errors cancel in part."""
+"""Number of gains that are cached: another controller for the same wire does not solve its gains again."""
 
 SHIFT_S = 1000.0
 """The shift decays with this time constant, s. Without a decay the Riccati equation has no stationary solution."""
@@ -138,7 +122,7 @@ class GainSchedule:
     `phase_error` of the phase. The level of `evidence` goes from 0, for the gains in calm air, to 1, for the gains in a
     disturbance. The larger gains apply to at most `MOST_NOISES` standard deviations of the noise, or to an innovation
     that repeats, because a spike of a sensor is no disturbance. `noise_c` is the standard deviation of the noise of the
-    thermocouple, K, and `noise` that of the phase. `phase_noise` is the error of the model after one second.
+    thermocouple, K, and `noise` that of the phase. `phase_noise` is the error of the model after 1 s in calm air.
     """
 
     def __init__(
@@ -149,8 +133,8 @@ class GainSchedule:
         self._apart = slopes[1]
         self._most_c, self._most = MOST_NOISES * noise_c, MOST_NOISES * noise
         self._calm, self._disturbed = (
-            [_joint_gain(balance, slope, period_s, noise_c, noise, process, phase_noise) for slope in slopes]
-            for process in (CALM, DISTURBED)
+            [_joint_gain(balance, slope, period_s, noise_c, noise, process, error) for slope in slopes]
+            for process, error in ((CALM, phase_noise), (DISTURBED, DISTURBED_PHASE_NOISE))
         )
         self._calm_reading, self._disturbed_reading = (
             _reading_gain(balance, period_s, noise_c, process).tolist() for process in (CALM, DISTURBED)

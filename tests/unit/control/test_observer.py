@@ -10,6 +10,7 @@ from smadrive.control.estimation.observer import MOST_DRAFT, WireObserver
 from smadrive.hysteresis import DuhemModel
 from smadrive.hysteresis.reversal import Play
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 TRUE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
@@ -186,6 +187,17 @@ def test_innovation_that_repeats_counts_whole_and_a_spike_does_not():
         errors_mm.append(before.hysteresis.y - seen_mm)
     assert errors_mm[0] > 0.3 * off_mm
     assert errors_mm[1] < 0.6 * errors_mm[0]
+
+
+def test_displacement_of_a_disturbed_wire_is_followed_where_the_model_does_not_move():
+    """A changed load moves the wire at a constant temperature. The displacement has the noise of the resistance."""
+    resistance = WireResistance(22.0, 16.5, 0.01, 0.04, 0.01, 0.01, 0.0, (0.0, 80.0, 160.0), (14.0,) * 3)
+    observer, state = WireObserver(WireModel(LOOP, TRUE, resistance), DT_S, 0.1, 0.012), LOOP.initial_state(88.0)
+    state = LOOP.step(state, 82.0)
+    estimate = observer.start(82.0, state.y)._replace(evidence=DisturbanceEvidence(level=1.0), play=Play(82.0, 1))
+    for _ in range(2):
+        estimate = observer.update(estimate, 82.0, state.y - 1.0, TRUE.power_w(82.0, 0.0, 0.0), DT_S, 0.12)
+    assert estimate.hysteresis.y < state.y - 0.65
 
 
 def test_observer_continues_from_the_estimate_of_another():
