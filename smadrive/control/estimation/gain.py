@@ -31,14 +31,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from smadrive.control.estimation.innovation import DisturbanceEvidence
-from smadrive.control.estimation.process_noise import (
-    CALM,
-    DISTURBED,
-    DISTURBED_PHASE_NOISE,
-    PHASE_NOISE,
-    SLOW_PHASE_NOISE,
-    ProcessNoise,
-)
+from smadrive.control.estimation.process_noise import NOISY, PRECISE, ProcessNoise, ProcessNoises
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
@@ -92,7 +85,7 @@ class GainsByNoise:
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float, noises: int = 1) -> None:
         self._noise, self._last = noise, noises - 1
         self._schedules = [
-            GainSchedule(wire, period_s, noise_c, noise * NOISE_STEP**level, SLOW_PHASE_NOISE if level else PHASE_NOISE)
+            GainSchedule(wire, period_s, noise_c, noise * NOISE_STEP**level, NOISY if level else PRECISE)
             for level in range(noises)
         ]
 
@@ -122,22 +115,22 @@ class GainSchedule:
     `phase_error` of the phase. The level of `evidence` goes from 0, for the gains in calm air, to 1, for the gains in a
     disturbance. The larger gains apply to at most `MOST_NOISES` standard deviations of the noise, or to an innovation
     that repeats, because a spike of a sensor is no disturbance. `noise_c` is the standard deviation of the noise of the
-    thermocouple, K, and `noise` that of the phase. `phase_noise` is the error of the model after 1 s in calm air.
+    thermocouple, K, and `noise` that of the phase. `processes` is the process noise.
     """
 
     def __init__(
-        self, wire: WireModel, period_s: float, noise_c: float, noise: float, phase_noise: float = PHASE_NOISE
+        self, wire: WireModel, period_s: float, noise_c: float, noise: float, processes: ProcessNoises
     ) -> None:
         balance = wire.balance
         slopes = np.linspace(0.0, _steepest(wire), SLOPES).tolist()
         self._apart = slopes[1]
         self._most_c, self._most = MOST_NOISES * noise_c, MOST_NOISES * noise
         self._calm, self._disturbed = (
-            [_joint_gain(balance, slope, period_s, noise_c, noise, process, error) for slope in slopes]
-            for process, error in ((CALM, phase_noise), (DISTURBED, DISTURBED_PHASE_NOISE))
+            [_joint_gain(balance, slope, period_s, noise_c, noise, process) for slope in slopes]
+            for process in processes
         )
         self._calm_reading, self._disturbed_reading = (
-            _reading_gain(balance, period_s, noise_c, process).tolist() for process in (CALM, DISTURBED)
+            _reading_gain(balance, period_s, noise_c, process).tolist() for process in processes
         )
 
     def by_reading(self, read_c: float, evidence: float) -> Correction:
@@ -192,7 +185,6 @@ def _joint_gain(
     noise_c: float,
     noise: float,
     process_noise: ProcessNoise,
-    phase_noise: float,
 ) -> JointGain:
     transition, process = np.eye(5), np.zeros((5, 5))
     transition[:3, :3], process[:3, :3] = _thermal(balance, period_s, slope, process_noise)
@@ -201,7 +193,7 @@ def _joint_gain(
     process[3, 3] = period_s * process_noise.shift_c**2
     process[0, 4] = process[4, 0] = slope * process[0, 0]
     process[3, 4] = process[4, 3] = -slope * process[3, 3]
-    process[4, 4] = slope**2 * (process[0, 0] + process[3, 3]) + period_s * phase_noise**2
+    process[4, 4] = slope**2 * (process[0, 0] + process[3, 3]) + period_s * process_noise.phase**2
     reads = np.zeros((2, 5))
     reads[0, 1] = reads[1, 4] = 1.0
     gain = _gain(transition, reads, process, np.diag([noise_c**2, noise**2]))

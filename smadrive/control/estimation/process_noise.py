@@ -6,28 +6,37 @@ from typing import NamedTuple
 
 
 class ProcessNoise(NamedTuple):
-    """The errors of the heat balance: standard deviations after one second, K.
+    """The errors of the model: standard deviations after one second.
 
-    `wire_c` is the error of the wire temperature, `drift_c` the drift of the unexplained power, divided by h A, and
-    `shift_c` the drift of the transformation.
+    wire_c    error of the wire temperature, K
+    drift_c   drift of the unexplained power, divided by h A, K
+    shift_c   drift of the transformation, K
+    phase     error of the hysteresis model, as a share of the travel
     """
 
     wire_c: float
     drift_c: float
     shift_c: float
+    phase: float
 
 
-CALM = ProcessNoise(0.015, 0.2, 0.05)
-"""Process noise in calm air."""
+class ProcessNoises(NamedTuple):
+    """The process noise in calm air and in a disturbance.
 
-DISTURBED = ProcessNoise(0.1, 20.0, 3.0)
-"""Process noise in a disturbance. With more drift the observer would follow a draft, but also the noise, faster."""
+    With more drift in a disturbance the observer would follow a draft, but also the noise, faster.
+    """
 
-PHASE_NOISE = 0.003
-"""Error of the hysteresis model: standard deviation of the phase after one second."""
+    calm: ProcessNoise
+    disturbed: ProcessNoise
 
-DISTURBED_PHASE_NOISE = 0.03
-"""`PHASE_NOISE` in a disturbance: a changed load may move the wire where the model expects no movement."""
 
-SLOW_PHASE_NOISE = 0.001
-"""`PHASE_NOISE` for a noisier displacement: the filter averages it over seconds, and model errors cancel in part."""
+PRECISE = ProcessNoises(ProcessNoise(0.015, 0.2, 0.05, 0.003), ProcessNoise(0.1, 20.0, 3.0, 0.003))
+"""The process noise for a precise displacement, as of a sensor."""
+
+NOISY = ProcessNoises(PRECISE.calm._replace(phase=0.001), PRECISE.disturbed._replace(phase=0.03))
+"""The process noise for a noisy displacement, as that by the resistance.
+
+In calm air the filter averages it over seconds, and model errors cancel in part. In a disturbance the phase may be
+wrong by more, because a changed load may move the wire where the model expects no movement. A precise displacement
+shows such a movement in any case, and a larger error of the phase would only hide the shift.
+"""
