@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
 from typing import TYPE_CHECKING, Any
 
 from smadrive.campaigns.execution.cluster import OPTION
@@ -50,23 +51,31 @@ def run_all(client: Client, plan: CampaignPlan, groups: list[list[int]], journal
     `finished` is called with each result. TransportError if the scheduler is lost.
     """
     from distributed import as_completed  # noqa: PLC0415 (a command that needs no cluster must start at once)
+    from distributed.client import ClosedClientError  # noqa: PLC0415
+    from distributed.comm.core import CommClosedError  # noqa: PLC0415
 
     submissions = _submissions(client, plan, groups)
     numbers: dict[Any, int] = {}
 
     def submitted(count: int) -> list[Future[RunResult]]:
         futures = []
-        for number, future in submissions:
-            numbers[future.key] = number
-            futures.append(future)
-            if len(futures) == count:
-                break
+        try:
+            for number, future in submissions:
+                numbers[future.key] = number
+                futures.append(future)
+                if len(futures) == count:
+                    break
+        except ClosedClientError:
+            raise scheduler_lost() from None
         return futures
 
     threads = max(1, sum(client.nthreads().values()))
     completed = as_completed(submitted(RUNS_PER_THREAD * threads))
     for future in completed:
-        number, result = numbers.pop(future.key), _result_of(future)
+        try:
+            number, result = numbers.pop(future.key), _result_of(future)
+        except (CancelledError, CommClosedError):  # lost after the status was read
+            raise scheduler_lost() from None
         journal.add(number, result)
         finished(result)
         for following in submitted(1):
