@@ -8,12 +8,11 @@ logs/run-N.h5      the worst runs, executed again         report.html       the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from smadrive.campaigns.execution.journal import Journal
-from smadrive.campaigns.execution.scheduling import Finished, run_all, scheduler_lost
+from smadrive.campaigns.execution.scheduling import Finished, naming_a_lost_scheduler, run_all
 from smadrive.campaigns.experiments.run import logged_run
 from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.campaigns.results.report import write_campaign_report
@@ -81,8 +80,6 @@ def write_worst_logs(client: Client, plan: CampaignPlan, table: DataFrame, folde
 
 def _log_contents(client: Client, runs: list[PlannedRun]) -> list[bytes]:
     """Execute the runs with logs on the cluster. Return the content of each log."""
-    try:
+    with naming_a_lost_scheduler():
         contents: list[bytes] = client.gather(client.map(logged_run, runs, pure=False))
-    except CancelledError:
-        raise scheduler_lost() from None
     return contents

@@ -10,6 +10,7 @@ from __future__ import annotations
 import uuid
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from smadrive.campaigns.execution.cluster import OPTION
@@ -51,35 +52,28 @@ def run_all(client: Client, plan: CampaignPlan, groups: list[list[int]], journal
     `finished` is called with each result. TransportError if the scheduler is lost.
     """
     from distributed import as_completed  # noqa: PLC0415 (a command that needs no cluster must start at once)
-    from distributed.client import ClosedClientError  # noqa: PLC0415
-    from distributed.comm.core import CommClosedError  # noqa: PLC0415
 
     submissions = _submissions(client, plan, groups)
     numbers: dict[Any, int] = {}
 
     def submitted(count: int) -> list[Future[RunResult]]:
         futures = []
-        try:
-            for number, future in submissions:
-                numbers[future.key] = number
-                futures.append(future)
-                if len(futures) == count:
-                    break
-        except ClosedClientError:
-            raise scheduler_lost() from None
+        for number, future in submissions:
+            numbers[future.key] = number
+            futures.append(future)
+            if len(futures) == count:
+                break
         return futures
 
-    threads = max(1, sum(client.nthreads().values()))
-    completed = as_completed(submitted(RUNS_PER_THREAD * threads))
-    for future in completed:
-        try:
+    with naming_a_lost_scheduler():
+        threads = max(1, sum(client.nthreads().values()))
+        completed = as_completed(submitted(RUNS_PER_THREAD * threads))
+        for future in completed:
             number, result = numbers.pop(future.key), _result_of(future)
-        except (CancelledError, CommClosedError):  # lost after the status was read
-            raise scheduler_lost() from None
-        journal.add(number, result)
-        finished(result)
-        for following in submitted(1):
-            completed.add(following)
+            journal.add(number, result)
+            finished(result)
+            for following in submitted(1):
+                completed.add(following)
 
 
 def _submissions(
@@ -96,16 +90,23 @@ def _submissions(
             yield number, client.submit(execute, plan.run(number), knowledge, key=f"run-{number}-{token}")
 
 
-def scheduler_lost() -> TransportError:
-    """Return the error for a scheduler that has ended."""
-    cure = "start the cluster again, and go on with --resume"
-    return TransportError("the scheduler is lost", where=OPTION, cure=cure)
+@contextmanager
+def naming_a_lost_scheduler() -> Iterator[None]:
+    """Raise TransportError, with the cure, in place of every error of Dask for a scheduler that has ended."""
+    from distributed.client import ClosedClientError  # noqa: PLC0415 (a command that needs no cluster must start at once)
+    from distributed.comm.core import CommClosedError  # noqa: PLC0415
+
+    try:
+        yield
+    except (CancelledError, ClosedClientError, CommClosedError):
+        cure = "start the cluster again, and go on with --resume"
+        raise TransportError("the scheduler is lost", where=OPTION, cure=cure) from None
 
 
 def _result_of(future: Future[RunResult]) -> RunResult:
     """Return the result of a run. If too many workers died while they executed the run, the run has failed."""
     if future.status in ("cancelled", "lost"):
-        raise scheduler_lost()
+        raise CancelledError
     error: Any = future.exception() if future.status == "error" else None
     if error is None:
         return future.result()

@@ -55,7 +55,7 @@ class DisturbanceEvidence(NamedTuple):
     phase     mean innovation of the displacement, as a share of the travel
     level     0 while the innovations look like noise, 1 for a certain disturbance
     spent_s   integral of the level over time, forgotten with the time constant `FORGET_S`, s
-    repeated  twice the mean innovation of the displacement before the last one: a second equal innovation repeats whole
+    repeated  part of the last innovation of the displacement that the earlier ones also had: twice their mean
     """
 
     read_c: float = 0.0

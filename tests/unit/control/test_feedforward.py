@@ -74,7 +74,7 @@ def test_wire_ahead_of_a_fast_reference_does_not_reverse(model):
 
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
 def test_wire_that_reverses_does_not_change_its_mind(model):
-    """The reference would come back to the wire in twice the time of the cooling."""
+    """The wire cools for a quarter of a second; the reference would need a whole second."""
     wire, state = wire_of(model), WireState(90.0, model.initial_state(90.0))
     feedforward, rate_mm_per_s, begun_mm = DisplacementFeedforward(HysteresisInverse(model), wire), 0.015, state[1].y
     setpoint_mm = begun_mm - 0.025 * model.scale
