@@ -8,7 +8,7 @@ import secrets
 import shutil
 import threading
 import time
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 
@@ -153,10 +153,18 @@ def browser():
         browser.close()
 
 
+@contextmanager
+def patient_context(browser, **options):
+    """A context of the browser whose pages wait for up to `PATIENCE_S`, as the other waits of these tests do."""
+    with browser.new_context(**options) as context:
+        context.set_default_timeout(1000 * PATIENCE_S)
+        yield context
+
+
 @pytest.fixture(scope="module")
 def context(browser):
     """One context for all pages: its cache holds the scripts of the page."""
-    with browser.new_context(viewport={"width": 1280, "height": 800}) as context:
+    with patient_context(browser, viewport={"width": 1280, "height": 800}) as context:
         yield context
 
 
@@ -168,7 +176,6 @@ def client(context, live):
     def opened(*, token=True, says=None):
         page = context.new_page()
         pages.append(page)
-        page.set_default_timeout(1000 * PATIENCE_S)
         page.requests = []
         page.on("request", lambda request: page.requests.append(request.url))
         page.goto(live.page.url if token else live.page.url.split("?")[0])

@@ -11,7 +11,7 @@ import pytest
 
 from smadrive.tuning.session.modes import Mode
 
-from .conftest import PATIENCE_S, Session
+from .conftest import Session, patient_context
 from .page_actions import NONE_A, field, heat
 
 
@@ -57,20 +57,19 @@ def test_killed_page_process_is_restarted_while_the_loop_continues(client, live)
 
 
 def test_page_requested_during_a_restart_loads_when_the_process_answers(browser, live):
-    context = browser.new_context()
-    for _ in range(2):
-        page = context.new_page()
-        is_early = False
-        while not is_early:  # a busy machine may start the process before the browser asks
-            restarts = live.page.server.restarts
-            os.kill(live.page.server.pid, signal.SIGKILL)
-            is_early = page.goto(live.page.url).status == http.client.SERVICE_UNAVAILABLE
-            if not is_early:
-                live.wait(lambda restarts=restarts: live.page.server.restarts > restarts)
-        page.get_by_text("controls", exact=True).wait_for(timeout=1000 * PATIENCE_S)
-        assert live.page.server.restarts > restarts
-        page.close()
-    context.close()
+    with patient_context(browser) as context:
+        for _ in range(2):
+            page = context.new_page()
+            is_early = False
+            while not is_early:  # a busy machine may start the process before the browser asks
+                restarts = live.page.server.restarts
+                os.kill(live.page.server.pid, signal.SIGKILL)
+                is_early = page.goto(live.page.url).status == http.client.SERVICE_UNAVAILABLE
+                if not is_early:
+                    live.wait(lambda restarts=restarts: live.page.server.restarts > restarts)
+            page.get_by_text("controls", exact=True).wait_for()
+            assert live.page.server.restarts > restarts
+            page.close()
 
 
 def test_frozen_page_process_delays_neither_the_loop_nor_off(client, live):
@@ -127,7 +126,7 @@ def elsewhere():
 def test_page_of_another_server_can_neither_switch_off_nor_load_pages(browser, live, elsewhere):
     live.wait(lambda: live.channel.pages == (0, False))
     offs, url = live.channel.offs, live.page.url.split("?")[0]
-    with browser.new_context() as context:
+    with patient_context(browser) as context:
         page = context.new_page()
         page.goto(elsewhere)
         with page.expect_event("requestfailed"):
@@ -140,13 +139,13 @@ def test_page_of_another_server_can_neither_switch_off_nor_load_pages(browser, l
 
 
 def test_page_shows_that_the_run_has_ended_and_the_heater_is_confirmed_off(browser, tmp_path):
-    with browser.new_context() as context:
+    with patient_context(browser) as context:
         page = context.new_page()
         with Session(tmp_path) as live:
             page.goto(live.page.url)
-            page.get_by_text("controls", exact=True).wait_for(timeout=1000 * PATIENCE_S)
+            page.get_by_text("controls", exact=True).wait_for()
             heat(page, live)
-        page.get_by_text("The run has ended. The heater is off, confirmed.").wait_for(timeout=1000 * PATIENCE_S)
+        page.get_by_text("The run has ended. The heater is off, confirmed.").wait_for()
         page.locator("#off").dispatch_event("click")
         page.wait_for_timeout(2000)
         assert page.get_by_text("connection was lost").count() == 0  # nothing contradicts the end of the run

@@ -12,7 +12,6 @@ from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.processes import LivePage
 from smadrive.tuning.watching import WatchFeed
 
-from .conftest import PATIENCE_S
 from .page_actions import newest
 from .test_page_layout import BEYOND, OVERLAPS, SIZES
 
@@ -33,7 +32,6 @@ def watched(context):
         live = stack.enter_context(LivePage(channel, port=0, document={}))
         observe(rig, LEFT_S, feed.tick, lambda: False)
         page = context.new_page()
-        page.set_default_timeout(1000 * PATIENCE_S)
         page.goto(live.url)
         page.get_by_text("measurements", exact=True).wait_for()
         yield page, feed, stack
