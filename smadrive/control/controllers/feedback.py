@@ -23,7 +23,8 @@ not used for a small error, because it would amplify the noise.
 
 Bumpless transfer: a feedback that replaces another feedback adds the last command of the replaced feedback minus its
 own first command. This difference then decays. With an error beyond the bound the command jumps, because the difference
-would delay the wire.
+would delay the wire. The power for a large error is meant for one period. So it is no part of the last command here: a
+rest of it that decays would overheat the wire.
 """
 
 from __future__ import annotations
@@ -72,23 +73,23 @@ class TemperatureFeedback:
     gains          proportional and integral gain
     integrated_c   the integral counts an error only up to ± this value, K
     integral_w     integral term, W
-    command_w      last command, W
+    lasting_w      last command without the power for a large error, W
     """
 
     gains: PIGains
     integrated_c: float = INTEGRATED_C
     integral_w: float = field(default=0.0, init=False)
-    command_w: float = field(default=0.0, init=False)
+    lasting_w: float = field(default=0.0, init=False)
     _handover_w: float = field(default=0.0, init=False)
     _takes_over: bool = field(default=False, init=False)
 
     def take_over(self, before: TemperatureFeedback, integral_w: float) -> None:
         """Continue from the feedback `before`, with the integral `integral_w`, W.
 
-        Unless its error is beyond the bound, the first command equals the last command of `before`, or the new limit if
-        that is lower.
+        The first command equals the last command of `before`, or the new limit if that is lower, unless one of their
+        errors is beyond the bound.
         """
-        self.integral_w, self.command_w = integral_w, before.command_w
+        self.integral_w, self.lasting_w = integral_w, before.lasting_w
         self._takes_over = True
 
     def update(
@@ -107,18 +108,22 @@ class TemperatureFeedback:
         """
         near_c = min(max(error_c, -small_c), small_c)
         far_w = SOON * self.gains.capacity_j_per_k * (error_c - near_c) / dt_s
-        unlimited_w = feedforward_w + faster * self.gains.proportional_w_per_k * near_c + far_w + self.integral_w
-        requested_w = min(max(unlimited_w, 0.0), limit_w)
-        self._handover_w = self._handover(requested_w, dt_s, is_far=near_c != error_c)
-        self.command_w = min(max(requested_w + self._handover_w, 0.0), limit_w)
-        if requested_w == unlimited_w:
+        near_w = feedforward_w + faster * self.gains.proportional_w_per_k * near_c + self.integral_w
+        requested_w, lasting_w = _limited(near_w + far_w, limit_w), _limited(near_w, limit_w)
+        if requested_w == near_w + far_w:
             counted_c = min(max(error_c, -self.integrated_c), self.integrated_c)
             self.integral_w += faster * self.gains.integral_w_per_k_s * counted_c * dt_s
-        return self.command_w
+        self._handover_w = self._handover(lasting_w, dt_s, is_far=near_c != error_c)
+        self.lasting_w = _limited(lasting_w + self._handover_w, limit_w)
+        return _limited(requested_w + self._handover_w, limit_w)
 
-    def _handover(self, requested_w: float, dt_s: float, *, is_far: bool) -> float:
-        """Return the power that makes a transfer bumpless, W."""
+    def _handover(self, lasting_w: float, dt_s: float, *, is_far: bool) -> float:
+        """Return the power that makes a transfer bumpless, W. `lasting_w` is the own command without this power."""
         if not self._takes_over:
             return self._handover_w * exp(-dt_s / HANDOVER_S)
         self._takes_over = False
-        return 0.0 if is_far else self.command_w - requested_w
+        return 0.0 if is_far else self.lasting_w - lasting_w
+
+
+def _limited(power_w: float, limit_w: float) -> float:
+    return min(max(power_w, 0.0), limit_w)

@@ -92,3 +92,11 @@ def test_large_error_jumps_and_is_removed_in_one_period():
     power_w = after.update(23.0, 1.0, 100.0, PERIOD_S, small_c=3.0)
     assert power_w == pytest.approx(1.0 + 0.1 * 3.0 + SOON * 0.03 * 20.0 / PERIOD_S)
     assert after.update(23.0, 1.0, 6.0, PERIOD_S, small_c=3.0) == 6.0
+
+
+def test_power_for_a_large_error_does_not_continue_after_a_takeover():
+    gains = PIGains(0.1, 0.0, 0.03)
+    before, after = TemperatureFeedback(gains), TemperatureFeedback(gains)
+    assert before.update(23.0, 1.0, 100.0, PERIOD_S, small_c=3.0) > 5.0
+    after.take_over(before, 0.0)
+    assert after.update(0.0, 1.0, 100.0, PERIOD_S, small_c=3.0) == pytest.approx(1.0 + 0.1 * 3.0)
