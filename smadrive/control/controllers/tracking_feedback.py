@@ -28,11 +28,14 @@ INTEGRATED_WITH_OBSERVER_C = 0.1
 The observer then compensates the errors of the heat balance, and the integral would only overshoot after a large error.
 """
 
-SMALL_C = 3.0
+SMALL_C = 1.0
 """With a measured displacement and `feedforward_share` = 1, the part of an error beyond this is removed at once, K.
 
-It is 5 to 10 % of the stroke. With 1 K a wire is back sooner, but the adaptation then ends while a wire ages.
+It is 2 to 3 % of the stroke.
 """
+
+SMALL_DISTURBED_C = 6.0
+"""The same in a disturbance, K. The branches may then be some kelvin away from where the model has them."""
 
 UNCERTAIN_C = 1.0
 """Only the part of an unmeasured displacement's error beyond this counts, as heat content, K: about 3 % of the stroke.
@@ -67,9 +70,8 @@ class TrackingFeedback:
     def __init__(self, wire: WireModel, settings: TrackingSettings) -> None:
         self._balance, self._share = wire.balance, settings.feedforward_share
         gains = PIGains.for_balance(wire.balance, settings.closed_loop_s, settings.integral_s)
-        is_full = self._share == 1.0
-        self.temperature = TemperatureFeedback(gains, INTEGRATED_WITH_OBSERVER_C if is_full else INTEGRATED_C)
-        self._small_c = SMALL_C if is_full else inf
+        integrated_c = INTEGRATED_WITH_OBSERVER_C if self._share == 1.0 else INTEGRATED_C
+        self.temperature = TemperatureFeedback(gains, integrated_c)
         seeing_s = max(settings.closed_loop_s / FASTER, SHORTEST_PERIODS * settings.period_s)
         self._faster = max(settings.closed_loop_s / seeing_s, 1.0)
         self._latent_k_per_mm = wire.balance.latent_heat_j / wire.balance.heat_capacity_j_per_k / wire.travel_mm
@@ -85,9 +87,14 @@ class TrackingFeedback:
         latent_c = self._latent_k_per_mm * (target.displacement_mm - ahead.hysteresis.y)
         feedback = self.temperature
         if is_measured:
-            return feedback.update(error_c + latent_c, feedforward_w, limit_w, dt_s, self._faster, self._small_c)
+            small_c = self._small_c(ahead.evidence.level)
+            return feedback.update(error_c + latent_c, feedforward_w, limit_w, dt_s, self._faster, small_c)
         certain_c = latent_c - min(max(latent_c, -UNCERTAIN_C), UNCERTAIN_C)
         return feedback.update(error_c + certain_c, feedforward_w, limit_w, dt_s)
+
+    def _small_c(self, level: float) -> float:
+        """Return the bound of a small error, K. `level` is the level of the evidence of a disturbance, from 0 to 1."""
+        return SMALL_C + level * (SMALL_DISTURBED_C - SMALL_C) if self._share == 1.0 else inf
 
     def take_over(self, before: TrackingFeedback, temperature_c: float) -> None:
         """Continue from the feedback `before` of a wire at `temperature_c`, without a jump after a small error.
