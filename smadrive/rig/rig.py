@@ -142,7 +142,7 @@ class Rig:
     def excite(self, excitation: Excitation, record: TickHandler) -> LoopMetrics:
         """Run the identification experiment, and pass every tick to `record`. Return the metrics of the loop."""
         controller = excitation_controller(self.config, excitation, self.nominal_balance)
-        return self._run(controller, self._supervisor(self.nominal_balance), record)
+        return self._run(controller, supervisor(self.config, self.heater, self.nominal_balance), record)
 
     def track(
         self,
@@ -163,7 +163,7 @@ class Rig:
         """
         arguments = reference, model, balance, inverse, resistance, displacement_from
         controller = tracking_controller(self.config, *arguments)
-        return self.drive(controller, balance, record, model, expected=expected)
+        return self.drive(controller, balance, record, model, never, expected, resistance, displacement_from)
 
     def drive(
         self,
@@ -173,6 +173,8 @@ class Rig:
         model: IdentifiedModel | None = None,
         stop_requested: StopRequested = never,
         expected: ExpectedRest | None = None,
+        resistance: WireResistance | None = None,
+        displacement_from: DisplacementFrom | None = None,
     ) -> LoopMetrics:
         """Arm, run `controller` to its end, and disarm. Return the metrics of the loop.
 
@@ -181,9 +183,14 @@ class Rig:
         model             if given, a displacement outside the model's range at the measured temperature is a fault
         stop_requested    called before every exchange; the run ends when it returns True
         expected          if given with a model, a jump of the resistance at rest away from it is a fault
+        resistance        if given with a model, it checks the thermocouple while no sensor shows the displacement
+        displacement_from source of the displacement, by default that of the rig file; with NONE, `resistance` is unused
         """
         self.check_balance(balance)
-        return self._run(controller, self._supervisor(balance, model, expected), record, stop_requested)
+        if (displacement_from or self.config.displacement_from) is DisplacementFrom.NONE:
+            resistance = None
+        checks = supervisor(self.config, self.heater, balance, model, expected, resistance)
+        return self._run(controller, checks, record, stop_requested)
 
     def check_sensing(
         self, wire: WireModel, displacement_from: DisplacementFrom, temperature_c: float
@@ -216,11 +223,6 @@ class Rig:
         """Let the wire cool for `duration_s` with the heater off."""
         self.enter_safe_state()
         self.clock.sleep_until(self.clock.now_s() + duration_s)
-
-    def _supervisor(
-        self, balance: HeatBalance, model: IdentifiedModel | None = None, expected: ExpectedRest | None = None
-    ) -> Supervisor:
-        return supervisor(self.config, self.heater, balance, model, expected)
 
     def _run(
         self, controller: Controller, supervisor: Supervisor, record: TickHandler, stop_requested: StopRequested = never

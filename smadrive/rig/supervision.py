@@ -16,8 +16,10 @@ from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import UNCERTAINTIES, TemperatureBand
+from smadrive.safety.temperature_by_resistance import TemperatureByResistance
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 LAG_FACTOR = 3.0
@@ -39,12 +41,14 @@ def supervisor(
     balance: HeatBalance,
     model: IdentifiedModel | None = None,
     expected: ExpectedRest | None = None,
+    resistance: WireResistance | None = None,
 ) -> Supervisor:
     """Return the supervisor of a run with the limits of the rig file.
 
     With a model, a displacement outside the model's range is a fault. With a model and `expected`, a jump of the
-    resistance at rest away from `expected` is a fault, too. ConfigError if the wire can overheat between two
-    temperature readings.
+    resistance at rest away from `expected` is a fault, too. With a model and `resistance`, the resistance checks the
+    thermocouple while no sensor shows the displacement. ConfigError if the wire can overheat between two temperature
+    readings.
     """
     _check_thermometer(config, heater.temperature_period_s, balance)
     lag_s = LAG_FACTOR * balance.thermocouple_lag_s
@@ -52,11 +56,13 @@ def supervisor(
     band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s + heater.temperature_period_s)
     if model is None:
         return Supervisor(limits, band)
-    displacement = DisplacementBand(model)
-    if expected is None:
-        return Supervisor(limits, band, displacement)
-    resistance = ResistanceBand(WireModel(model, balance), displacement, expected, config.limits.current_max_a)
-    return Supervisor(limits, band, displacement, resistance)
+    displacement, wire = DisplacementBand(model), WireModel(model, balance)
+    current_max_a, hottest_c = config.limits.current_max_a, config.limits.temperature_max_c
+    at_rest = None if expected is None else ResistanceBand(wire, displacement, expected, current_max_a)
+    by_resistance = None
+    if resistance is not None:
+        by_resistance = TemperatureByResistance(wire, resistance, displacement, hottest_c, current_max_a)
+    return Supervisor(limits, band, displacement, at_rest, by_resistance)
 
 
 def stale_after_s(config: RigConfig) -> float:

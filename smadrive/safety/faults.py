@@ -88,7 +88,7 @@ class Fault(Enum):
         "displacement outside the model's range at this temperature",
         (
             "does the sensor respond, in millimetres, in the right direction, with 0 at the cold wire? is the wire "
-            "blocked, slack, or not the identified one?"
+            "blocked, slack, or not the identified one? is the bead tight on the wire?"
         ),
     )
 

@@ -17,6 +17,7 @@ from smadrive.safety.faults import Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
+from smadrive.safety.temperature_by_resistance import TemperatureByResistance
 
 LATE_TICKS = 20
 """This number of missed deadlines in a row is a fault."""
@@ -27,6 +28,7 @@ class Supervisor:
 
     `temperature_band` compares the reading with the heat input, `displacement_band` the displacement with the model of
     the wire, and `resistance_band` the resistance with the last runs of the wire. A band that is None is not checked.
+    While no sensor shows the displacement, `by_resistance` replaces it in the checks of the thermocouple.
     """
 
     def __init__(
@@ -35,11 +37,13 @@ class Supervisor:
         temperature_band: TemperatureBand | None = None,
         displacement_band: DisplacementBand | None = None,
         resistance_band: ResistanceBand | None = None,
+        by_resistance: TemperatureByResistance | None = None,
     ) -> None:
         self._limits = limits
         self._temperature_band = temperature_band
         self._displacement_band = displacement_band
         self._resistance_band = resistance_band
+        self._by_resistance = by_resistance
         self.trip: Trip | None = None
         self._hot = Debounce(2, 3)
         self._cold = Debounce(3, 5)
@@ -65,6 +69,8 @@ class Supervisor:
         self.check_fresh(measurement.time_s)
         before_s, self._fresh_s = self._fresh_s, measurement.time_s
         dt_s = 0.0 if before_s is None else measurement.time_s - before_s
+        if self._by_resistance is not None:
+            self._by_resistance.update(measurement)
         self._check_device(measurement)
         self._check_temperature(measurement)
         self._check_current(measurement)
@@ -147,7 +153,7 @@ class Supervisor:
             return
         reading_c = measurement.temperature_c
         band = self._temperature_band.update(reading_c, self._power_w, dt_s)
-        is_cool = self._is_cool_by_displacement(measurement)
+        is_cool = self._is_cool(measurement)
         if band.coldest_c > self._limits.temperature_max_c and not is_cool:
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
@@ -160,12 +166,16 @@ class Supervisor:
             detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"
             self._raise(fault, measurement.time_s, detail)
 
-    def _is_cool_by_displacement(self, measurement: Measurement) -> bool:
-        """Return True if the measured displacement excludes a wire above `temperature_max_c`.
+    def _is_cool(self, measurement: Measurement) -> bool:
+        """Return True if the measured displacement, or else the resistance, excludes a wire above `temperature_max_c`.
 
         A reading below the temperature band is then right: a draft has cooled the wire.
         """
-        if self._displacement_band is None or self._outside_band(measurement) is not None:
+        if self._outside_band(measurement) is not None:
+            return False
+        if not isfinite(measurement.displacement_mm):
+            return self._by_resistance is not None and self._by_resistance.excludes_limit()
+        if self._displacement_band is None:
             return False
         return self._displacement_band.hottest_c(measurement.displacement_mm) <= self._limits.temperature_max_c
 
@@ -200,8 +210,11 @@ class Supervisor:
             self._raise(Fault.RESISTANCE_JUMPED, measurement.time_s, *jump.texts())
 
     def _outside_band(self, measurement: Measurement) -> str | None:
+        """Return a text if the displacement, or else the resistance, does not belong to the reading; otherwise None."""
         if self._displacement_band is None:
             return None
+        if self._by_resistance is not None and not isfinite(measurement.displacement_mm):
+            return self._by_resistance.outside(measurement.temperature_c)
         return self._displacement_band.outside(measurement.temperature_c, measurement.displacement_mm)
 
     def _raise(self, fault: Fault, time_s: float, detail: str, limit: str | None = None) -> None:

@@ -118,7 +118,7 @@ def _driven(
                 if recorder is not None:
                     recorder.tick(tick)
 
-            return rig.drive(controller, wire.balance, record, wire.model)
+            return rig.drive(controller, wire.balance, record, wire.model, resistance=wire.resistance)
 
 
 def _recorder(

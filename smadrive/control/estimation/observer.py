@@ -25,7 +25,7 @@ The estimate is the whole state of an observer, so another observer can continue
 
 from __future__ import annotations
 
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from typing import NamedTuple
 
 from smadrive.control.estimation.gain import GainsByNoise
@@ -48,10 +48,10 @@ DRAFT_SHARE = 0.1
 """An unexplained power of more than this share of the heat loss is a draft, and changes in proportion to the loss."""
 
 MOST_DRAFT = 0.8
-"""Without a measured displacement, the largest additional loss by a draft, as a share of the identified loss.
+"""Without a displacement sensor, the largest additional loss by a draft, as a share of the identified loss.
 
-The thermocouple alone cannot tell a draft from a bead that comes off. A larger share would overheat a wire whose bead
-comes off.
+Thermocouple and resistance cannot tell a stronger draft from a bead that comes off: hot austenite has the resistance of
+a colder wire that is not fully transformed. A larger share would overheat a wire whose bead comes off.
 """
 
 MARGIN_NOISES = 3.0
@@ -169,12 +169,14 @@ class WireObserver:
         wire_c += correction.temperature_c
         play, hysteresis = self._stepped(before, wire_c, self._blind_c)
         thermocouple_c += correction.thermocouple_c
-        excess_c = max(wire_c - self._balance.ambient_c, LEAST_EXCESS_C)
-        most_w = MOST_DRAFT * self._balance.loss_w_per_k * excess_c
-        disturbance_w = max(disturbance_w + correction.disturbance_w, -most_w)
+        disturbance_w = max(disturbance_w + correction.disturbance_w, self._strongest_draft_w(wire_c))
         return WireEstimate(
             wire_c, thermocouple_c, hysteresis, disturbance_w, play, self._blind_c, evidence, before.shift_c
         )
+
+    def _strongest_draft_w(self, wire_c: float) -> float:
+        """Return the unexplained power of the strongest draft without a displacement sensor, W: a negative power."""
+        return -MOST_DRAFT * self._balance.loss_w_per_k * max(wire_c - self._balance.ambient_c, LEAST_EXCESS_C)
 
     def _predicted(self, before: WireEstimate, power_w: float, dt_s: float, radius_c: float) -> WireEstimate:
         """Return the prediction, with a dead band of the radius `radius_c`."""
@@ -230,11 +232,12 @@ class WireObserver:
         shift_c = limited_c - expected.shift_c
         y = expected.hysteresis.y + self._wire.travel_mm * phase
         wire_c += self._reduction_c(expected.hysteresis.v + wire_c - shift_c, y, noise_mm)
+        least_w = self._strongest_draft_w(expected.temperature_c) if noise_mm > self._noise_mm else -inf
         return WireEstimate(
             expected.temperature_c + wire_c,
             expected.thermocouple_c + thermocouple_c,
             self._model.corrected(expected.hysteresis, expected.hysteresis.v + wire_c - shift_c, y),
-            expected.disturbance_w + power_w,
+            max(expected.disturbance_w + power_w, least_w),
             Play(expected.play.position + wire_c, expected.play.direction),
             expected.radius_c,
             evidence,

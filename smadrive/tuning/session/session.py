@@ -181,7 +181,8 @@ class TuningSession:
                 self._adaptation.switch(True, tuning)
             else:
                 self._state.report(f"not adapted: {NEEDS_SENSOR}")
-        self._rig.drive(live, self._wire.balance, self._take, tuning.model, self._stop_requested, self._expected)
+        checks = self._expected, self._wire.resistance, tuning.displacement_from
+        self._rig.drive(live, self._wire.balance, self._take, tuning.model, self._stop_requested, *checks)
 
     def _fail(self, error: SmadriveError) -> None:
         """Report `error` as the fault. The rig stays connected, so the page shows whether the fault is removed."""

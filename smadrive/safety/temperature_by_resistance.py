@@ -1,0 +1,103 @@
+"""What the resistance tells about the temperature of a wire whose displacement no sensor shows.
+
+A thermocouple that reads too cold for the heat input is right if a draft cools the wire, and wrong if its bead has come
+off. The resistance decides, because it does not depend on the thermocouple. With the current I, the voltage V, and
+weights that decay with the age of a sample, the mean resistance and its standard deviation are
+
+    R = Σ V I / Σ I²        σ = σ_U / sqrt(Σ I²)        σ_U the noise of the measurement as a voltage
+
+A wire at T_max or above it is transformed: its resistance is at most the largest R(T, ξ) with T ≥ T_max, and ξ from the
+heating branch at T - δ to 1. A wire with a larger resistance is colder than T_max. δ allows for a changed load.
+
+At a reading T of the thermocouple, the resistance lies between the least and the largest R(T ± δ, ξ), with ξ in the
+displacement band (displacement_band.py). Otherwise the reading does not belong to the wire.
+
+The measured resistance may be wrong by `MARGIN` and 3 σ. While the current is too small to measure the resistance, it
+cannot heat the wire, and the last result holds.
+"""
+
+from __future__ import annotations
+
+from math import exp, inf, isfinite, sqrt
+
+import numpy as np
+
+from smadrive.measurement import Measurement
+from smadrive.safety.displacement_band import UNSURE_C, DisplacementBand
+from smadrive.safety.resistance_band import current_min_a
+from smadrive.wire.identified_resistance import WireResistance
+from smadrive.wire.wire_model import WireModel
+
+MEAN_S = 0.2
+"""Time constant with which the weight of a sample decays, s."""
+
+MARGIN = 0.01
+"""Largest error of the resistance apart from its noise, for example by the leads, as a share."""
+
+BEYOND_C, POINTS = 20.0, 20
+"""The largest resistance of a transformed wire is looked up at this number of temperatures, up to T_max + BEYOND_C."""
+
+
+class TemperatureByResistance:
+    """Judges the temperature of `wire` by its `resistance`, as described at the head of this file."""
+
+    def __init__(
+        self,
+        wire: WireModel,
+        resistance: WireResistance,
+        displacement_band: DisplacementBand,
+        temperature_max_c: float,
+        current_max_a: float,
+    ) -> None:
+        self._wire, self._resistance, self._band = wire, resistance, displacement_band
+        self._least_a = current_min_a(current_max_a)
+        hot_c = np.linspace(temperature_max_c, temperature_max_c + BEYOND_C, POINTS).tolist()
+        self._hot_ohm = max(ohm for one_c in hot_c for ohm in self._ohms(one_c, self._transformed_mm(one_c)))
+        self._power_w, self._squares_a2, self._time_s = 0.0, 0.0, -inf
+
+    def update(self, measurement: Measurement) -> None:
+        """Add one measurement. It does not count without a voltage, or with too small a current."""
+        current_a, voltage_v = measurement.current_a, measurement.voltage_v
+        if not (current_a >= self._least_a and voltage_v > 0.0):
+            return
+        kept = exp((self._time_s - measurement.time_s) / MEAN_S)
+        self._time_s = measurement.time_s
+        self._power_w = kept * self._power_w + voltage_v * current_a
+        self._squares_a2 = kept * self._squares_a2 + current_a * current_a
+
+    def excludes_limit(self) -> bool:
+        """Return True if the wire must be colder than `temperature_max_c`; False before the first measurement."""
+        if not self._squares_a2:
+            return False
+        ohm, sure_ohm = self._measured()
+        return ohm - sure_ohm > self._hot_ohm
+
+    def outside(self, temperature_c: float) -> str | None:
+        """Return a text if the resistance does not belong to the reading `temperature_c`, otherwise None.
+
+        The result is None before the first measurement, and for NaN.
+        """
+        if not (self._squares_a2 and isfinite(temperature_c)):
+            return None
+        ohm, sure_ohm = self._measured()
+        ends_mm = self._band.band_mm(temperature_c)
+        possible = self._ohms(temperature_c - UNSURE_C, ends_mm) + self._ohms(temperature_c + UNSURE_C, ends_mm)
+        low_ohm, high_ohm = min(possible), max(possible)
+        if not (ohm + sure_ohm < low_ohm or ohm - sure_ohm > high_ohm):
+            return None
+        return f"{ohm:.4g} Ω measured, {low_ohm:.4g} to {high_ohm:.4g} Ω possible at {temperature_c:.1f} °C"
+
+    def _measured(self) -> tuple[float, float]:
+        """Return the mean resistance and its largest error, Ω."""
+        ohm = self._power_w / self._squares_a2
+        return ohm, MARGIN * ohm + 3.0 * self._resistance.noise_v / sqrt(self._squares_a2)
+
+    def _transformed_mm(self, temperature_c: float) -> tuple[float, float]:
+        """Return the displacements of the heating branch, if a load has moved it by δ, and of its hot end, mm."""
+        wire = self._wire
+        return self._band.nearest_mm(temperature_c - UNSURE_C, wire.cold_mm), wire.cold_mm + wire.travel_mm
+
+    def _ohms(self, temperature_c: float, displacements_mm: tuple[float, float]) -> list[float]:
+        """Return the resistances at this temperature and at these displacements, Ω."""
+        phases = [(one_mm - self._wire.cold_mm) / self._wire.travel_mm for one_mm in displacements_mm]
+        return [self._resistance.ohm(temperature_c, min(max(phase, 0.0), 1.0)) for phase in phases]

@@ -1,0 +1,99 @@
+"""What the resistance tells about the temperature of a wire whose displacement no sensor shows."""
+
+from math import nan
+
+import pytest
+
+from smadrive.hysteresis import DuhemModel
+from smadrive.measurement import Measurement
+from smadrive.safety.displacement_band import DisplacementBand
+from smadrive.safety.faults import Fault
+from smadrive.safety.safety_limits import SafetyLimits
+from smadrive.safety.supervisor import Supervisor
+from smadrive.safety.temperature_band import IDENTIFIED, TemperatureBand
+from smadrive.safety.temperature_by_resistance import TemperatureByResistance
+from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_resistance import WireResistance
+from smadrive.wire.wire_model import WireModel
+
+MODEL = DuhemModel.gaussian(
+    mu_heating=90.0, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0.0, 200.0)
+)
+BALANCE = HeatBalance(0.0298, 0.014, 0.83, 22.0, 16.5, -0.12, 0.15)
+AUSTENITE_OHM = (16.0, 16.5, 17.0)
+RESISTANCE = WireResistance(22.0, 17.0, 0.008, 0.04, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), AUSTENITE_OHM)
+WIRE = WireModel(MODEL, BALANCE, RESISTANCE)
+MOST_C = 135.0
+LIMITS = SafetyLimits(temperature_max_c=MOST_C, stale_after_s=0.3, current_tolerance_a=0.05, misplaced_for_s=2.0)
+
+
+def by_resistance():
+    return TemperatureByResistance(WIRE, RESISTANCE, DisplacementBand(MODEL), MOST_C, 0.5)
+
+
+def sample(wire_c, phase, n=0, reading_c=None, current_a=0.3, displacement_mm=nan):
+    """A measurement of a wire at this temperature and phase. By default the thermocouple reads it, and flickers."""
+    voltage_v = current_a * RESISTANCE.ohm(wire_c, phase)
+    read_c = (wire_c if reading_c is None else reading_c) + 0.1 * (n % 2)
+    return Measurement(0.05 * n, read_c, current_a, voltage_v, displacement_mm, armed=True, in_force_a=current_a)
+
+
+@pytest.mark.parametrize(
+    ("wire_c", "phase", "excluded"),
+    [(22.0, 0.0, True), (85.0, 0.2, True), (88.0, 0.5, True), (MOST_C, 1.0, False), (MOST_C + 15.0, 1.0, False)],
+)
+def test_only_a_wire_that_is_not_transformed_is_colder_than_the_limit(wire_c, phase, excluded):
+    judged = by_resistance()
+    assert not judged.excludes_limit()
+    for n in range(10):
+        judged.update(sample(wire_c, phase, n))
+    assert judged.excludes_limit() is excluded
+
+
+def test_sample_with_a_small_current_or_without_a_voltage_keeps_the_last_result():
+    judged = by_resistance()
+    for n in range(10):
+        judged.update(sample(85.0, 0.2, n))
+    for n in range(10, 60):
+        judged.update(sample(MOST_C, 1.0, n, current_a=0.04))
+        judged.update(sample(MOST_C, 1.0, n)._replace(voltage_v=nan))
+    assert judged.excludes_limit()
+    for n in range(60, 70):
+        judged.update(sample(MOST_C, 1.0, n))
+    assert not judged.excludes_limit()
+
+
+def test_resistance_belongs_to_a_right_reading_and_not_to_a_wrong_one():
+    judged = by_resistance()
+    assert judged.outside(30.0) is None
+    for n in range(10):
+        judged.update(sample(100.0, 1.0, n))
+    assert judged.outside(100.0) is judged.outside(nan) is None
+    assert "Ω" in judged.outside(30.0)
+
+
+def trip(samples, judged):
+    band = TemperatureBand(BALANCE, IDENTIFIED, 0.5)
+    band.start(samples[0].temperature_c)
+    supervisor = Supervisor(LIMITS, band, DisplacementBand(MODEL), by_resistance=judged)
+    for one in samples:
+        if found := supervisor.update(one, nan):
+            return found.fault
+    return None
+
+
+def test_draft_trips_only_if_the_resistance_does_not_show_a_cool_wire():
+    in_a_draft = [sample(60.0, 0.0, n, current_a=0.36) for n in range(600)]
+    assert trip(in_a_draft, None) is Fault.READS_TOO_COLD
+    assert trip(in_a_draft, by_resistance()) is None
+
+
+def test_reading_that_does_not_belong_to_the_resistance_trips():
+    without_bead = [sample(95.0, 0.95, n, reading_c=40.0, current_a=0.2) for n in range(100)]
+    assert trip(without_bead, None) is None
+    assert trip(without_bead, by_resistance()) is Fault.DISPLACEMENT_IMPLAUSIBLE
+
+
+def test_displacement_sensor_that_works_comes_first():
+    in_a_draft = [sample(60.0, 0.0, n, current_a=0.36, displacement_mm=12.0) for n in range(600)]
+    assert trip(in_a_draft, by_resistance()) is Fault.READS_TOO_COLD
