@@ -75,9 +75,10 @@ class Supervisor:
         self._check_temperature(measurement)
         self._check_current(measurement)
         self._check_power(measurement)
-        self._check_temperature_band(measurement, dt_s)
+        outside = self._outside_band(measurement)
+        self._check_temperature_band(measurement, outside, dt_s)
         self._check_displacement(measurement, setpoint_mm)
-        self._check_displacement_band(measurement)
+        self._check_displacement_band(measurement, outside)
         self._check_resistance_band(measurement)
         return self.trip
 
@@ -148,12 +149,12 @@ class Supervisor:
         if self._powerless.update(not is_known):
             self._raise(Fault.POWER_UNKNOWN, measurement.time_s, measurement.supply_fault or "no reading")
 
-    def _check_temperature_band(self, measurement: Measurement, dt_s: float) -> None:
+    def _check_temperature_band(self, measurement: Measurement, outside: str | None, dt_s: float) -> None:
         if self._temperature_band is None:
             return
         reading_c = measurement.temperature_c
         band = self._temperature_band.update(reading_c, self._power_w, dt_s)
-        is_cool = self._is_cool(measurement)
+        is_cool = outside is None and self._is_cool(measurement)
         if band.coldest_c > self._limits.temperature_max_c and not is_cool:
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
@@ -169,10 +170,8 @@ class Supervisor:
     def _is_cool(self, measurement: Measurement) -> bool:
         """Return True if the measured displacement, or else the resistance, excludes a wire above `temperature_max_c`.
 
-        A reading below the temperature band is then right: a draft has cooled the wire.
+        A reading below the temperature band is then right if it belongs to the displacement: a draft cools the wire.
         """
-        if self._outside_band(measurement) is not None:
-            return False
         if not isfinite(measurement.displacement_mm):
             return self._by_resistance is not None and self._by_resistance.excludes_limit()
         if self._displacement_band is None:
@@ -196,10 +195,9 @@ class Supervisor:
             detail = f"setpoint {setpoint_mm:.3f} mm, measured {measured_mm:.3f} mm, for {limits.tracking_for_s:g} s"
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail, f"{limits.tracking_max_mm:g} mm")
 
-    def _check_displacement_band(self, measurement: Measurement) -> None:
+    def _check_displacement_band(self, measurement: Measurement, outside: str | None) -> None:
         band, displacement_mm = self._displacement_band, measurement.displacement_mm
         is_impossible = self._beyond_travel.update(band is not None and band.is_beyond_travel(displacement_mm))
-        outside = self._outside_band(measurement)
         if self._in_band_s is None or outside is None:
             self._in_band_s = measurement.time_s
         elif is_impossible or measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
