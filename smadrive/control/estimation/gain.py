@@ -9,7 +9,11 @@ The model is linearised at a slope s = dξ/dT of the phase. Over one period Δt 
 
 T is the temperature of the wire, T_tc of the thermocouple, d the power that the heat balance does not explain, b the
 shift of the transformation (a heavier load shifts it to higher temperatures), ξ the phase. m c, Q, h A and lag are
-parameters of the heat balance: heat capacity, latent heat, heat loss, thermocouple lag. d and b are random walks.
+parameters of the heat balance: heat capacity, latent heat, heat loss, thermocouple lag. d and b are random walks. A
+step δb of the shift also warms the wire, because the phase falls and frees its latent heat:
+
+    m c δT + Q δξ = 0    and    δξ = s (δT - δb)    so    δT = δb Q s/(m c + Q s)
+
 T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete Riccati
 equation. There is one gain for the thermocouple alone. For thermocouple and displacement together there is one gain for
 each of several slopes. The two sensors together tell a draft from a load: a draft and a load both change ξ, but only
@@ -190,10 +194,12 @@ def _joint_gain(
     transition[:3, :3], process[:3, :3] = _thermal(balance, period_s, slope, process_noise)
     transition[3, 3] = exp(-period_s / SHIFT_S)
     transition[4, :3] = slope * (transition[0, :3] - [1.0, 0.0, 0.0])
-    process[3, 3] = period_s * process_noise.shift_c**2
     process[0, 4] = process[4, 0] = slope * process[0, 0]
-    process[3, 4] = process[4, 3] = -slope * process[3, 3]
-    process[4, 4] = slope**2 * (process[0, 0] + process[3, 3]) + period_s * process_noise.phase**2
+    process[4, 4] = slope**2 * process[0, 0] + period_s * process_noise.phase**2
+    latent_j_per_k = balance.latent_heat_j * slope
+    warmer = latent_j_per_k / (balance.heat_capacity_j_per_k + latent_j_per_k)
+    of_shift = process_noise.shift_c * np.array([warmer, 0.0, 0.0, 1.0, slope * (warmer - 1.0)])
+    process += period_s * np.outer(of_shift, of_shift)
     reads = np.zeros((2, 5))
     reads[0, 1] = reads[1, 4] = 1.0
     gain = _gain(transition, reads, process, np.diag([noise_c**2, noise**2]))
