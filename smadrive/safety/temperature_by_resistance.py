@@ -1,4 +1,4 @@
-"""What the resistance tells about the temperature of a wire whose displacement no sensor shows.
+"""The check of the thermocouple by the resistance, for a wire without a displacement sensor.
 
 A thermocouple that reads too cold for the heat input is right if a draft cools the wire, and wrong if its bead has come
 off. The resistance decides, because it does not depend on the thermocouple. With the current I, the voltage V, and

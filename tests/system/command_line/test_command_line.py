@@ -189,13 +189,13 @@ def test_run_warns_of_a_reference_within_the_noise(track):
 def test_smoothed_run_reports_its_distance_from_the_given_reference_and_logs_it(track, tmp_path, identified):
     (tmp_path / "wire.json").write_bytes(identified.wire_file.read_bytes())
     ran, log = track("sine:low_mm=2,high_mm=9,period_s=3.5,cycles=2", "--smooth")
-    told = re.match(r"the reference was smoothed, .* the error is ([\d.]+) mm \(\d\d %", ran["caveats"][0])
+    caveat = re.match(r"the reference was smoothed, .* the error is ([\d.]+) mm \(\d\d %", ran["caveats"][0])
     assert ran["rms_percent"] < 1.0
     given, run = (log.json(name) for name in ("given_reference", "reference"))
     given_mm = np.interp(run["times_s"], given["times_s"], given["displacement_mm"])
     distance_mm = np.abs(given_mm - run["displacement_mm"]).max()
     assert distance_mm > 1.0
-    assert distance_mm == pytest.approx(float(told[1]), abs=0.1)
+    assert distance_mm == pytest.approx(float(caveat[1]), abs=0.1)
 
 
 @pytest.mark.exhaustive

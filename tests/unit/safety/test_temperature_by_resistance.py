@@ -1,4 +1,4 @@
-"""What the resistance tells about the temperature of a wire whose displacement no sensor shows."""
+"""The check of the thermocouple by the resistance, for a wire without a displacement sensor."""
 
 from math import nan
 
