@@ -33,7 +33,7 @@ from smadrive.rig.config_checks import check_excitation_time, check_limits, chec
 from smadrive.rig.controllers import excitation_controller, excitation_path, tracking_controller
 from smadrive.rig.plan import plan_rig
 from smadrive.rig.sensing_checks import check_sensing, check_sensor
-from smadrive.rig.supervision import supervisor
+from smadrive.rig.supervision import WireChecks, supervisor, wire_checks
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
 from smadrive.safety.supervisor import Supervisor
@@ -161,36 +161,28 @@ class Rig:
         the identified resistance of the wire. `displacement_from` replaces the source of the displacement in the rig
         file.
         """
-        arguments = reference, model, balance, inverse, resistance, displacement_from
-        controller = tracking_controller(self.config, *arguments)
-        return self.drive(controller, balance, record, model, never, expected, resistance, displacement_from)
+        source = displacement_from or self.config.displacement_from
+        controller = tracking_controller(self.config, reference, model, balance, inverse, resistance, source)
+        checks = wire_checks(WireModel(model, balance, resistance), source, expected)
+        return self.drive(controller, balance, record, checks)
 
     def drive(
         self,
         controller: Controller,
         balance: HeatBalance,
         record: TickHandler,
-        model: IdentifiedModel | None = None,
+        checks: WireChecks | None = None,
         stop_requested: StopRequested = never,
-        expected: ExpectedRest | None = None,
-        resistance: WireResistance | None = None,
-        displacement_from: DisplacementFrom | None = None,
     ) -> LoopMetrics:
         """Arm, run `controller` to its end, and disarm. Return the metrics of the loop.
 
-        record            called with every tick
-        balance           heat balance of the wire; ConfigError if it cannot belong to the rig's wire
-        model             if given, a displacement outside the model's range at the measured temperature is a fault
-        stop_requested    called before every exchange; the run ends when it returns True
-        expected          if given with a model, a jump of the resistance at rest away from it is a fault
-        resistance        if given with a model, it checks the thermocouple while no sensor shows the displacement
-        displacement_from source of the displacement, by default that of the rig file; with NONE, `resistance` is unused
+        record          called with every tick
+        balance         heat balance of the wire; ConfigError if it cannot belong to the rig's wire
+        checks          what is known about the wire, and is checked
+        stop_requested  called before every exchange; the run ends when it returns True
         """
         self.check_balance(balance)
-        if (displacement_from or self.config.displacement_from) is DisplacementFrom.NONE:
-            resistance = None
-        checks = supervisor(self.config, self.heater, balance, model, expected, resistance)
-        return self._run(controller, checks, record, stop_requested)
+        return self._run(controller, supervisor(self.config, self.heater, balance, checks), record, stop_requested)
 
     def check_sensing(
         self, wire: WireModel, displacement_from: DisplacementFrom, temperature_c: float

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf
+from typing import NamedTuple
 
 from smadrive.devices.heater import Heater
 from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
 from smadrive.hysteresis import IdentifiedModel
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig
 from smadrive.rig.plan import STALE_PERIODS
 from smadrive.safety.displacement_band import DisplacementBand
@@ -35,33 +38,49 @@ CURRENT_TOLERANCE_A = 0.05
 """Largest difference between measured and commanded current in amperes, but at most a tenth of current_max_a."""
 
 
-def supervisor(
-    config: RigConfig,
-    heater: Heater,
-    balance: HeatBalance,
-    model: IdentifiedModel | None = None,
-    expected: ExpectedRest | None = None,
-    resistance: WireResistance | None = None,
-) -> Supervisor:
-    """Return the supervisor of a run with the limits of the rig file.
+def always() -> bool:
+    """Return True: the resistance is trusted in the whole run."""
+    return True
 
-    With a model, a displacement outside the model's range is a fault. With a model and `expected`, a jump of the
-    resistance at rest away from `expected` is a fault, too. With a model and `resistance`, the resistance checks the
-    thermocouple while no sensor shows the displacement. ConfigError if the wire can overheat between two temperature
-    readings.
+
+class WireChecks(NamedTuple):
+    """What is known about the wire of a run, and is checked in this run.
+
+    model            a displacement outside the model's range at the measured temperature is a fault
+    expected         if given, a jump of the resistance at rest away from it is a fault
+    resistance       if given, it checks the thermocouple while no sensor shows the displacement
+    uses_resistance  the resistance checks nothing while this function returns False
+    """
+
+    model: IdentifiedModel
+    expected: ExpectedRest | None = None
+    resistance: WireResistance | None = None
+    uses_resistance: Callable[[], bool] = always
+
+
+def wire_checks(wire: WireModel, source: DisplacementFrom, expected: ExpectedRest | None = None) -> WireChecks:
+    """Return the checks of a run whose displacement comes from `source`. With NONE, the resistance is not trusted."""
+    return WireChecks(wire.model, expected, None if source is DisplacementFrom.NONE else wire.resistance)
+
+
+def supervisor(config: RigConfig, heater: Heater, balance: HeatBalance, checks: WireChecks | None = None) -> Supervisor:
+    """Return the supervisor of a run with the limits of the rig file, and with these checks of the wire.
+
+    ConfigError if the wire can overheat between two temperature readings.
     """
     _check_thermometer(config, heater.temperature_period_s, balance)
     lag_s = LAG_FACTOR * balance.thermocouple_lag_s
     limits = _safety_limits(config, heater.source.settle_s, lag_s)
     band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s + heater.temperature_period_s)
-    if model is None:
+    if checks is None:
         return Supervisor(limits, band)
-    displacement, wire = DisplacementBand(model), WireModel(model, balance)
+    displacement, wire = DisplacementBand(checks.model), WireModel(checks.model, balance)
     current_max_a, hottest_c = config.limits.current_max_a, config.limits.temperature_max_c
-    at_rest = None if expected is None else ResistanceBand(wire, displacement, expected, current_max_a)
+    at_rest = None if checks.expected is None else ResistanceBand(wire, displacement, checks.expected, current_max_a)
     by_resistance = None
-    if resistance is not None:
-        by_resistance = TemperatureByResistance(wire, resistance, displacement, hottest_c, current_max_a)
+    if (resistance := checks.resistance) is not None:
+        limits_of_run = hottest_c, current_max_a, checks.uses_resistance
+        by_resistance = TemperatureByResistance(wire, resistance, displacement, *limits_of_run)
     return Supervisor(limits, band, displacement, at_rest, by_resistance)
 
 

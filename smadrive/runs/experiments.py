@@ -23,6 +23,7 @@ from smadrive.identification.excitation import Excitation, check_may_excite
 from smadrive.rig.config_checks import check_step
 from smadrive.rig.controllers import step_controller
 from smadrive.rig.rig import Rig
+from smadrive.rig.supervision import WireChecks
 from smadrive.runs.cycling.cycles import CycleEvents
 from smadrive.runs.health.assessment import expected_of, wire_file_of
 from smadrive.runs.run_log import (
@@ -176,9 +177,8 @@ def drive(
         record_controller(log_file, rig, wire, name, controller.duration_s, **notes) as recorder,
         watch(recorder, controller.duration_s) as record,
     ):
-        return rig.drive(
-            controller, balance, record, identified.model, stop_requested, expected=expected_of(identified)
-        )
+        checks = WireChecks(identified.model, expected_of(identified))
+        return rig.drive(controller, balance, record, checks, stop_requested)
 
 
 def read_reference(text: str) -> Reference:

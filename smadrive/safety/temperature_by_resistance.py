@@ -18,6 +18,7 @@ cannot heat the wire, and the last result holds.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import exp, inf, isfinite, sqrt
 
 import numpy as np
@@ -39,7 +40,10 @@ BEYOND_C, POINTS = 20.0, 20
 
 
 class TemperatureByResistance:
-    """Judges the temperature of `wire` by its `resistance`, as described at the head of this file."""
+    """Judges the temperature of `wire` by its `resistance`, as described at the head of this file.
+
+    While `is_used` returns False, the resistance is not trusted, and nothing is judged.
+    """
 
     def __init__(
         self,
@@ -48,8 +52,9 @@ class TemperatureByResistance:
         displacement_band: DisplacementBand,
         temperature_max_c: float,
         current_max_a: float,
+        is_used: Callable[[], bool],
     ) -> None:
-        self._wire, self._resistance, self._band = wire, resistance, displacement_band
+        self._wire, self._resistance, self._band, self._is_used = wire, resistance, displacement_band, is_used
         self._least_a = current_min_a(current_max_a)
         hot_c = np.linspace(temperature_max_c, temperature_max_c + BEYOND_C, POINTS).tolist()
         self._hot_ohm = max(ohm for one_c in hot_c for ohm in self._ohms(one_c, self._transformed_mm(one_c)))
@@ -67,7 +72,7 @@ class TemperatureByResistance:
 
     def excludes_limit(self) -> bool:
         """Return True if the wire must be colder than `temperature_max_c`; False before the first measurement."""
-        if not self._squares_a2:
+        if not (self._squares_a2 and self._is_used()):
             return False
         ohm, sure_ohm = self._measured()
         return ohm - sure_ohm > self._hot_ohm
@@ -77,7 +82,7 @@ class TemperatureByResistance:
 
         The result is None before the first measurement, and for NaN.
         """
-        if not (self._squares_a2 and isfinite(temperature_c)):
+        if not (self._squares_a2 and isfinite(temperature_c) and self._is_used()):
             return None
         ohm, sure_ohm = self._measured()
         ends_mm = self._band.band_mm(temperature_c)

@@ -46,6 +46,7 @@ from smadrive.control.references.shapes import sine
 from smadrive.errors import TripError
 from smadrive.measurement import Measurement
 from smadrive.rig.controllers import tracking_settings
+from smadrive.rig.supervision import WireChecks
 from smadrive.wire.wire_model import WireModel, travel_mm
 
 CAMPAIGN = """
@@ -142,7 +143,7 @@ def outcome_of(start: int, run: PlannedRun, knowledge: WireKnowledge) -> Outcome
 
     try:
         with simulated.rig as rig:
-            rig.drive(Takeover(before, after, at_s), wire.balance, record, wire.model)
+            rig.drive(Takeover(before, after, at_s), wire.balance, record, WireChecks(wire.model))
     except TripError:
         return Outcome(start, inf, best[0], 0, True)
     time_s, error_mm, current_a = np.array(rows).T

@@ -19,6 +19,7 @@ from smadrive.control.loop import LoopMetrics, Tick
 from smadrive.control.references.reference import Reference
 from smadrive.errors import TripError
 from smadrive.rig.rig import Rig
+from smadrive.rig.supervision import wire_checks
 from smadrive.runs.run_log import TickRecorder, record_tracking
 from smadrive.wire.wire_model import WireModel
 
@@ -108,7 +109,8 @@ def _driven(
     """Run the controller on the simulated rig, and record the run if it has a log."""
     controller, inverse = controller_of(run, knowledge, wire, planned.reference)
     with simulated.rig as rig:
-        rig.check_sensing(wire, rig.config.displacement_from, rig.measure().temperature_c)
+        source = rig.config.displacement_from
+        rig.check_sensing(wire, source, rig.measure().temperature_c)
         simulated.plan_disturbance(run.disturbance, planned.reference.scored_from_s)
         log = nullcontext() if log_file is None else _recorder(log_file, run, rig, planned.reference, wire, inverse)
         with log as recorder:
@@ -118,7 +120,7 @@ def _driven(
                 if recorder is not None:
                     recorder.tick(tick)
 
-            return rig.drive(controller, wire.balance, record, wire.model, resistance=wire.resistance)
+            return rig.drive(controller, wire.balance, record, wire_checks(wire, source))
 
 
 def _recorder(

@@ -108,8 +108,7 @@ class RequestHandler:
     def _check_source(self, request: SetSource) -> None:
         """Report the warnings about a source of the displacement. ConfigError if the rig cannot use it."""
         wire = self._wire.wire_model(self._state.tunings.in_force.model)
-        for warning in self._state.rig.check_chosen(wire, request.displacement_from, self._leads_seen_c()):
-            self._state.report(f"warning: {warning}")
+        self._state.warn(self._state.rig.check_chosen(wire, request.displacement_from, self._leads_seen_c()))
 
     def _leads_seen_c(self) -> float:
         """Return the wire temperature, °C, for the check whether the resistance of the leads is known.

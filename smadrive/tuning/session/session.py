@@ -20,6 +20,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError, SmadriveError
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.rig import Rig
+from smadrive.rig.supervision import WireChecks
 from smadrive.runs.health.assessment import health_lines
 from smadrive.runs.run_log import TickRecorder
 from smadrive.runs.session_record import SESSION_ENDED
@@ -164,8 +165,7 @@ class TuningSession:
         check_thermocouple(measurement)
         tuning = self.tunings.in_force
         wire, source = self._wire.wire_model(tuning.model), tuning.displacement_from
-        for warning in self._rig.check_sensing(wire, source, measurement.temperature_c):
-            self._state.report(f"warning: {warning}")
+        self._state.warn(self._rig.check_sensing(wire, source, measurement.temperature_c))
         if source is not DisplacementFrom.SENSOR:
             measurement = measurement._replace(displacement_mm=nan)
         reference = holding_reference(tuning.model, measurement)
@@ -181,8 +181,8 @@ class TuningSession:
                 self._adaptation.switch(True, tuning)
             else:
                 self._state.report(f"not adapted: {NEEDS_SENSOR}")
-        checks = self._expected, self._wire.resistance, tuning.displacement_from
-        self._rig.drive(live, self._wire.balance, self._take, tuning.model, self._stop_requested, *checks)
+        checks = WireChecks(tuning.model, self._expected, self._wire.resistance, self.tunings.trust_resistance)
+        self._rig.drive(live, self._wire.balance, self._take, checks, self._stop_requested)
 
     def _fail(self, error: SmadriveError) -> None:
         """Report `error` as the fault. The rig stays connected, so the page shows whether the fault is removed."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from smadrive.control.controllers.swappable import SwappableController
@@ -62,6 +63,11 @@ class SessionState:
     def report(self, event: str) -> None:
         """Add an event, with the present time, to the events that all pages show."""
         self.status.add_event(self.now_s, event)
+
+    def warn(self, warnings: Iterable[str]) -> None:
+        """Report each of these warnings as an event."""
+        for warning in warnings:
+            self.report(f"warning: {warning}")
 
     def note_source(self) -> None:
         """Add an event if the resistance begins to replace the displacement sensor, or if the sensor is used again."""

@@ -6,6 +6,7 @@ import pytest
 
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
+from smadrive.rig.supervision import always
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
 from smadrive.safety.safety_limits import SafetyLimits
@@ -27,8 +28,8 @@ MOST_C = 135.0
 LIMITS = SafetyLimits(temperature_max_c=MOST_C, stale_after_s=0.3, current_tolerance_a=0.05, misplaced_for_s=2.0)
 
 
-def by_resistance():
-    return TemperatureByResistance(WIRE, RESISTANCE, DisplacementBand(MODEL), MOST_C, 0.5)
+def by_resistance(is_used=always):
+    return TemperatureByResistance(WIRE, RESISTANCE, DisplacementBand(MODEL), MOST_C, 0.5, is_used)
 
 
 def sample(wire_c, phase, n=0, reading_c=None, current_a=0.3, displacement_mm=nan):
@@ -92,6 +93,18 @@ def test_reading_that_does_not_belong_to_the_resistance_trips():
     without_bead = [sample(95.0, 0.95, n, reading_c=40.0, current_a=0.2) for n in range(100)]
     assert trip(without_bead, None) is None
     assert trip(without_bead, by_resistance()) is Fault.DISPLACEMENT_IMPLAUSIBLE
+
+
+def test_resistance_that_is_not_used_judges_nothing_until_it_is_used():
+    is_used = [False]
+    judged = by_resistance(lambda: is_used[0])
+    for n in range(10):
+        judged.update(sample(30.0, 0.0, n))
+    assert not judged.excludes_limit()
+    assert judged.outside(110.0) is None
+    is_used[0] = True
+    assert judged.excludes_limit()
+    assert judged.outside(110.0) is not None
 
 
 def test_displacement_sensor_that_works_comes_first():

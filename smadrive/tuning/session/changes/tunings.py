@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from smadrive.control.controllers.swappable import SwappableController
+from smadrive.measurement import DisplacementFrom
 from smadrive.tuning.builder.build import Built
 from smadrive.tuning.session.changes.comparison import Comparison
 from smadrive.tuning.session.changes.history import History
@@ -16,6 +17,10 @@ class Tunings:
         self.in_force = first
         self.history = History(first)
         self.comparison = Comparison()
+
+    def trust_resistance(self) -> bool:
+        """Return True if the tuning in force may take the displacement from the resistance."""
+        return self.in_force.displacement_from is not DisplacementFrom.NONE
 
     def put(self, built: Built, live: SwappableController | None) -> None:
         """Put a built tuning in force. If the loop runs, the tuning's controller takes over."""

@@ -108,6 +108,18 @@ def test_many_changes_between_all_sources_keep_the_wire_on_its_reference(resisti
     assert max(steps_w(rig, 15.0 + 10.0 * number).max() for number in range(18)) < 2.0 * MOST_W
 
 
+def test_resistance_checks_the_thermocouple_from_the_change_to_it(rig):
+    """The bead comes off. Without the check, the wire gets hotter than its limit before the thermocouple shows it."""
+    devices = [device.model_copy(update={"measures": ["temperature"]}) for device in load_rig("in-process").devices]
+    with_resistance(rig, displacement_from=DisplacementFrom.NONE, devices=devices)
+    tracked(rig)
+    choose(rig, 10.0, "resistance")
+    rig.do(14.0, lambda: rig.device.bench.sensors.bead.loosen_bead(contact=0.05, over_s=0.5))
+    rig.run(until_s=24.0)
+    assert rig.status["fault"].startswith("fault 17")
+    assert max(wire_c for _, wire_c, _ in rig.wire) < load_rig("in-process").limits.temperature_max_c
+
+
 def test_every_change_keeps_the_source_and_undo_takes_its_choice_back(resistive_rig):
     rig = tracked(resistive_rig)
     choose(rig, 13.0, "resistance")
