@@ -26,6 +26,7 @@ follows a disturbance, but also the noise. The innovation test (innovation.py) d
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from math import exp, log
 from typing import NamedTuple
@@ -35,12 +36,12 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from smadrive.control.estimation.innovation import DisturbanceEvidence
-from smadrive.control.estimation.process_noise import NOISY, PRECISE, ProcessNoise, ProcessNoises
+from smadrive.control.estimation.process_noise import NOISY, PRECISE, ProcessNoise
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
 Array = NDArray[np.float64]
-JointGain = tuple[tuple[float, float], ...]
+GainRows = tuple[tuple[float, ...], ...]
 
 CACHED_GAINS = 4096
 """Number of gains that are cached: another controller for the same wire does not solve its gains again."""
@@ -78,64 +79,28 @@ class Correction(NamedTuple):
     phase: float
 
 
-class GainsByNoise:
-    """Gain schedules for several noises of the displacement, because the noise of the resistance varies.
+class GainTable:
+    """The Kalman gains of the observer for one wire, over the slope of the hysteresis model and the displacement noise.
 
-    `noise` is the smallest noise, in shares of the travel. There are `noises` schedules; each has `NOISE_STEP` times
-    the noise of the schedule before. Between two noises the corrections are interpolated over the logarithm of the
-    noise. A noise above the largest counts as the largest.
+    The phase is the displacement as a share of the travel. `noise_c` is the standard deviation of the noise of the
+    thermocouple, K, and `noise` the smallest of the phase. The gains are solved for `noises` noises of the phase,
+    because the noise of the resistance varies. Each is `NOISE_STEP` times the noise before. Between two noises the
+    corrections are interpolated over the logarithm of the noise. A noise above the largest counts as the largest.
     """
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float, noises: int = 1) -> None:
-        self._noise, self._last = noise, noises - 1
-        self._schedules = [
-            GainSchedule(wire, period_s, noise_c, noise * NOISE_STEP**level, NOISY if level else PRECISE)
-            for level in range(noises)
-        ]
-
-    def by_reading(self, read_c: float, evidence: float) -> Correction:
-        """Return the correction when only the thermocouple is measured; see GainSchedule."""
-        return self._schedules[0].by_reading(read_c, evidence)
-
-    def by_both(
-        self, slope: float, read_c: float, phase_error: float, evidence: DisturbanceEvidence, noise: float
-    ) -> Correction:
-        """Return the correction for a displacement with the standard deviation `noise`; see GainSchedule."""
-        place = min(log(max(noise / self._noise, 1.0)) / log(NOISE_STEP), self._last)
-        level = int(place)
-        below = self._schedules[level].by_both(slope, read_c, phase_error, evidence)
-        if place == level:
-            return below
-        above = self._schedules[level + 1].by_both(slope, read_c, phase_error, evidence)
-        share = place - level
-        return Correction(*[low + share * (high - low) for low, high in zip(below, above, strict=True)])
-
-
-class GainSchedule:
-    """The Kalman gains of the observer for one wire, tabulated over the slope of the hysteresis model.
-
-    `slope` is the derivative of the phase with respect to the wire temperature, 1/K. The phase is the displacement as a
-    share of the travel. `read_c` and `phase_error` are measured - expected value: `read_c` of the thermocouple in K,
-    `phase_error` of the phase. The level of `evidence` goes from 0, for the gains in calm air, to 1, for the gains in a
-    disturbance. The larger gains apply to at most `MOST_NOISES` standard deviations of the noise, or to an innovation
-    that repeats, because a spike of a sensor is no disturbance. `noise_c` is the standard deviation of the noise of the
-    thermocouple, K, and `noise` that of the phase. `processes` is the process noise.
-    """
-
-    def __init__(
-        self, wire: WireModel, period_s: float, noise_c: float, noise: float, processes: ProcessNoises
-    ) -> None:
-        balance = wire.balance
-        slopes = np.linspace(0.0, _steepest(wire), SLOPES).tolist()
-        self._apart = slopes[1]
-        self._most_c, self._most = MOST_NOISES * noise_c, MOST_NOISES * noise
-        self._calm, self._disturbed = (
-            [_joint_gain(balance, slope, period_s, noise_c, noise, process) for slope in slopes]
-            for process in processes
-        )
-        self._calm_reading, self._disturbed_reading = (
-            _reading_gain(balance, period_s, noise_c, process).tolist() for process in processes
-        )
+        balance, slopes = wire.balance, np.linspace(0.0, _steepest(wire), SLOPES).tolist()
+        self._apart, self._last = slopes[1], noises - 1
+        self._most_c = MOST_NOISES * noise_c
+        self._noise, self._most_noise = noise, noise * NOISE_STEP**self._last
+        self._reading = _more([_reading_gain(balance, period_s, noise_c, process) for process in PRECISE])
+        self._both: list[list[GainRows]] = []
+        for level in range(noises):
+            noises_of_level = noise_c, noise * NOISE_STEP**level
+            processes = NOISY if level else PRECISE
+            self._both.append(
+                [_more([_joint_gain(balance, s, period_s, *noises_of_level, one) for one in processes]) for s in slopes]
+            )
 
     def by_reading(self, read_c: float, evidence: float) -> Correction:
         """Return the correction when only the thermocouple is measured. Shift and phase keep their values.
@@ -143,42 +108,62 @@ class GainSchedule:
         `read_c` is measured - expected temperature of the thermocouple, K.
         """
         more_c = evidence * min(max(read_c, -self._most_c), self._most_c)
-        wire, thermocouple, disturbance = (
-            calm * read_c + (disturbed - calm) * more_c
-            for calm, disturbed in zip(self._calm_reading, self._disturbed_reading, strict=True)
-        )
+        wire, thermocouple, disturbance = (calm * read_c + more * more_c for calm, more in self._reading)
         return Correction(wire, thermocouple, disturbance, 0.0, 0.0)
 
-    def by_both(self, slope: float, read_c: float, phase_error: float, evidence: DisturbanceEvidence) -> Correction:
+    def by_both(
+        self, slope: float, read_c: float, phase_error: float, evidence: DisturbanceEvidence, noise: float
+    ) -> Correction:
         """Return the correction when thermocouple and displacement are measured.
 
-        `read_c` is measured - expected temperature of the thermocouple, K. `phase_error` is measured - expected phase.
-        The gains are interpolated between the two tabulated slopes next to `slope`, 1/K.
+        `slope` is the derivative of the phase with respect to the wire temperature, 1/K. `read_c` is measured -
+        expected temperature of the thermocouple, K, and `phase_error` measured - expected phase, whose noise has the
+        standard deviation `noise`. The level of `evidence` goes from 0, for the gains in calm air, to 1, for the gains
+        in a disturbance. The larger gains apply to at most `MOST_NOISES` standard deviations of the noise, or to an
+        innovation that repeats, because a spike of a sensor is no disturbance.
         """
-        calm = self._at(self._calm, slope, read_c, phase_error)
-        if evidence.level == 0.0:
-            return Correction(*calm)
-        read_c = min(max(read_c, -self._most_c), self._most_c)
-        phase_error = min(max(phase_error, min(-self._most, evidence.repeated)), max(self._most, evidence.repeated))
-        less, more = (self._at(gains, slope, read_c, phase_error) for gains in (self._calm, self._disturbed))
-        parts = zip(calm, less, more, strict=True)
-        return Correction(*[one + evidence.level * (high - low) for one, low, high in parts])
+        noise = min(max(noise, self._noise), self._most_noise)
+        most, repeated = MOST_NOISES * noise, evidence.repeated
+        more_c = evidence.level * min(max(read_c, -self._most_c), self._most_c)
+        more = evidence.level * min(max(phase_error, min(-most, repeated)), max(most, repeated))
+        innovation = read_c, phase_error, more_c, more
+        place = min(log(noise / self._noise) / log(NOISE_STEP), self._last)
+        level = int(place)
+        below = self._correction(level, slope, innovation)
+        if place == level:
+            return Correction(*below)
+        above, share = self._correction(level + 1, slope, innovation), place - level
+        return Correction(*[low + share * (high - low) for low, high in zip(below, above, strict=True)])
 
-    def _at(self, gains: list[JointGain], slope: float, read_c: float, phase_error: float) -> list[float]:
-        """Return the correction by `gains`, which are tabulated over the slope."""
+    def _correction(self, level: int, slope: float, innovation: tuple[float, float, float, float]) -> list[float]:
+        """Return the correction by the gains of one noise, interpolated between the two slopes next to `slope`."""
+        read_c, phase_error, more_c, more = innovation
         place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
         cell = min(int(place), SLOPES - 2)
         above = place - cell
         below = 1.0 - above
         return [
-            (below * read0 + above * read1) * read_c + (below * phase0 + above * phase1) * phase_error
-            for (read0, phase0), (read1, phase1) in zip(gains[cell], gains[cell + 1], strict=True)
+            (below * a0 + above * a1) * read_c
+            + (below * b0 + above * b1) * phase_error
+            + (below * c0 + above * c1) * more_c
+            + (below * d0 + above * d1) * more
+            for (a0, b0, c0, d0), (a1, b1, c1, d1) in zip(
+                self._both[level][cell], self._both[level][cell + 1], strict=True
+            )
         ]
 
 
-def _reading_gain(balance: HeatBalance, period_s: float, noise_c: float, process_noise: ProcessNoise) -> Array:
+def _more(gains: Sequence[GainRows]) -> GainRows:
+    """Return the gains in calm air, and beside them by how much the gains in a disturbance are larger."""
+    calm, disturbed = gains
+    pairs = zip(calm, disturbed, strict=True)
+    return tuple((*one, *(more - less for less, more in zip(one, other, strict=True))) for one, other in pairs)
+
+
+def _reading_gain(balance: HeatBalance, period_s: float, noise_c: float, process_noise: ProcessNoise) -> GainRows:
     transition, process = _thermal(balance, period_s, 0.0, process_noise)
-    return _gain(transition, np.array([[0.0, 1.0, 0.0]]), process, np.array([[noise_c**2]])).ravel()
+    gain = _gain(transition, np.array([[0.0, 1.0, 0.0]]), process, np.array([[noise_c**2]]))
+    return tuple((of_reading,) for (of_reading,) in gain.tolist())
 
 
 @lru_cache(CACHED_GAINS)
@@ -189,7 +174,7 @@ def _joint_gain(
     noise_c: float,
     noise: float,
     process_noise: ProcessNoise,
-) -> JointGain:
+) -> GainRows:
     transition, process = np.eye(5), np.zeros((5, 5))
     transition[:3, :3], process[:3, :3] = _thermal(balance, period_s, slope, process_noise)
     transition[3, 3] = exp(-period_s / SHIFT_S)

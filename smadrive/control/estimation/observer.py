@@ -28,7 +28,7 @@ from __future__ import annotations
 from math import inf, isfinite, nan
 from typing import NamedTuple
 
-from smadrive.control.estimation.gain import GainsByNoise
+from smadrive.control.estimation.gain import GainTable
 from smadrive.control.estimation.innovation import DisturbanceEvidence, InnovationTest
 from smadrive.hysteresis import HysteresisState
 from smadrive.hysteresis.reversal import Play
@@ -110,7 +110,7 @@ class WireObserver:
         self._balance = wire.balance
         noise = noise_mm / abs(wire.travel_mm)
         self._noise_mm = noise_mm
-        self._gains = GainsByNoise(wire, period_s, noise_c, noise, 1 if wire.resistance is None else NOISES)
+        self._gains = GainTable(wire, period_s, noise_c, noise, 1 if wire.resistance is None else NOISES)
         self._test = InnovationTest(period_s, noise_c, noise)
         self._branches = BranchTemperatures(wire.model)
         self._seeing_c, self._blind_c = DEAD_BAND_NOISES * noise_c, BLIND_NOISES * noise_c

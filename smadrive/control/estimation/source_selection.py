@@ -151,7 +151,8 @@ class SourceSelection:
         sensor = self._sensor(measurement)
         if self._resistance is None:
             source = DisplacementFrom.SENSOR if isfinite(sensor.mm) else DisplacementFrom.NONE
-            return state._replace(source=source), Selected(sensor, NO_READING)
+            state = state if state.source is source else state._replace(source=source)
+            return state, Selected(sensor, NO_READING)
         by_resistance = self._resistance.displacement(state.lead, measurement, before, ahead, dt_s)
         predicted_mm = ahead.hysteresis.y - before.hysteresis.y
         state = self._compared(state, sensor, by_resistance, predicted_mm, dt_s)
