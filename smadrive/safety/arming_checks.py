@@ -6,19 +6,19 @@ from math import isfinite
 
 from smadrive.errors import SafetyError
 from smadrive.measurement import Measurement
-from smadrive.safety.faults import CLEAR, Fault
+from smadrive.safety.faults import CLEAR, Contradiction, Fault
 from smadrive.safety.safety_limits import SafetyLimits
 
 REFUSED = "refused to arm"
 """The beginning of every message which says that heating must not begin."""
 
 
-def check_may_arm(measurement: Measurement, limits: SafetyLimits, outside: str | None) -> None:
+def check_may_arm(measurement: Measurement, limits: SafetyLimits, contradiction: Contradiction | None) -> None:
     """Raise SafetyError when heating must not begin.
 
     The reasons: a latched fault of the device, a temperature that is invalid or outside its limits, a current that is
-    unknown or flows without a command, a displacement that has limits and is unknown, a displacement outside its band.
-    `outside` describes a displacement outside its band; None if it is not outside.
+    unknown or flows without a command, a displacement that has limits and is unknown, a `contradiction` between
+    temperature and displacement.
     """
     if measurement.device_faults:
         latched = ", ".join(measurement.device_faults)
@@ -27,8 +27,8 @@ def check_may_arm(measurement: Measurement, limits: SafetyLimits, outside: str |
     _check_temperature(measurement.temperature_c, limits)
     _check_current(measurement, limits)
     _check_displacement(measurement.displacement_mm, limits)
-    if outside is not None:
-        raise SafetyError(f"{REFUSED}: {outside}", cure=Fault.DISPLACEMENT_IMPLAUSIBLE.remedy)
+    if contradiction is not None:
+        raise SafetyError(f"{REFUSED}: {contradiction.detail}", cure=contradiction.fault.remedy)
 
 
 def check_thermocouple(measurement: Measurement) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 from smadrive.errors import TripError
 
@@ -110,6 +111,15 @@ class Fault(Enum):
         "check crimps, leads and plugs; is it another wire? If wire and circuit are right, identify the wire again",
     )
 
+    RESISTANCE_IMPLAUSIBLE = (
+        21,
+        "the resistance of the wire does not belong to the reading of the thermocouple",
+        (
+            "is the bead tight on the wire? has a crimp, lead or plug changed since the identification? is it another "
+            "wire? If wire and circuit are right, identify the wire again"
+        ),
+    )
+
     def __init__(self, number: int, cause: str, remedy: str) -> None:
         self.number = number
         self.cause = cause
@@ -121,6 +131,13 @@ CLEAR = (
     "rig.clear_faults() in Python"
 )
 """The cure in errors about a latched fault."""
+
+
+class Contradiction(NamedTuple):
+    """Two measurements that do not belong together: the fault that this is if it lasts, and the values as text."""
+
+    fault: Fault
+    detail: str
 
 
 @dataclass(frozen=True, slots=True)

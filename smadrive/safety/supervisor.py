@@ -13,7 +13,7 @@ from smadrive.measurement import Measurement
 from smadrive.safety.arming_checks import check_may_arm
 from smadrive.safety.debounce import Debounce
 from smadrive.safety.displacement_band import DisplacementBand
-from smadrive.safety.faults import Fault, Trip
+from smadrive.safety.faults import Contradiction, Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
@@ -75,10 +75,10 @@ class Supervisor:
         self._check_temperature(measurement)
         self._check_current(measurement)
         self._check_power(measurement)
-        outside = self._outside_band(measurement)
-        self._check_temperature_band(measurement, outside, dt_s)
+        contradiction = self._contradiction(measurement)
+        self._check_temperature_band(measurement, contradiction, dt_s)
         self._check_displacement(measurement, setpoint_mm)
-        self._check_displacement_band(measurement, outside)
+        self._check_contradiction(measurement, contradiction)
         self._check_resistance_band(measurement)
         return self.trip
 
@@ -104,7 +104,7 @@ class Supervisor:
 
         arming_checks.py has the reasons. If heating may begin, the temperature band starts at the measured temperature.
         """
-        check_may_arm(measurement, self._limits, self._outside_band(measurement))
+        check_may_arm(measurement, self._limits, self._contradiction(measurement))
         if self._temperature_band is not None:
             self._temperature_band.start(measurement.temperature_c)
 
@@ -149,12 +149,14 @@ class Supervisor:
         if self._powerless.update(not is_known):
             self._raise(Fault.POWER_UNKNOWN, measurement.time_s, measurement.supply_fault or "no reading")
 
-    def _check_temperature_band(self, measurement: Measurement, outside: str | None, dt_s: float) -> None:
+    def _check_temperature_band(
+        self, measurement: Measurement, contradiction: Contradiction | None, dt_s: float
+    ) -> None:
         if self._temperature_band is None:
             return
         reading_c = measurement.temperature_c
         band = self._temperature_band.update(reading_c, self._power_w, dt_s)
-        is_cool = outside is None and self._is_cool(measurement)
+        is_cool = contradiction is None and self._is_cool(measurement)
         if band.coldest_c > self._limits.temperature_max_c and not is_cool:
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
@@ -195,25 +197,32 @@ class Supervisor:
             detail = f"setpoint {setpoint_mm:.3f} mm, measured {measured_mm:.3f} mm, for {limits.tracking_for_s:g} s"
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail, f"{limits.tracking_max_mm:g} mm")
 
-    def _check_displacement_band(self, measurement: Measurement, outside: str | None) -> None:
+    def _check_contradiction(self, measurement: Measurement, contradiction: Contradiction | None) -> None:
+        """Trip at once if the displacement is impossible at every temperature, else if the contradiction lasts."""
         band, displacement_mm = self._displacement_band, measurement.displacement_mm
         is_impossible = self._beyond_travel.update(band is not None and band.is_beyond_travel(displacement_mm))
-        if self._in_band_s is None or outside is None:
+        if self._in_band_s is None or contradiction is None:
             self._in_band_s = measurement.time_s
         elif is_impossible or measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
-            self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, outside)
+            self._raise(contradiction.fault, measurement.time_s, contradiction.detail)
 
     def _check_resistance_band(self, measurement: Measurement) -> None:
         if self._resistance_band is not None and (jump := self._resistance_band.jumped(measurement)):
             self._raise(Fault.RESISTANCE_JUMPED, measurement.time_s, *jump.texts())
 
-    def _outside_band(self, measurement: Measurement) -> str | None:
-        """Return a text if the displacement, or else the resistance, does not belong to the reading; otherwise None."""
+    def _contradiction(self, measurement: Measurement) -> Contradiction | None:
+        """Return the contradiction between the reading and the displacement, or else the resistance; None if none."""
         if self._displacement_band is None:
             return None
-        if self._by_resistance is not None and not isfinite(measurement.displacement_mm):
-            return self._by_resistance.outside(measurement.temperature_c)
-        return self._displacement_band.outside(measurement.temperature_c, measurement.displacement_mm)
+        temperature_c, displacement_mm = measurement.temperature_c, measurement.displacement_mm
+        if self._by_resistance is not None and not isfinite(displacement_mm):
+            fault, outside = Fault.RESISTANCE_IMPLAUSIBLE, self._by_resistance.outside(temperature_c)
+        else:
+            fault, outside = (
+                Fault.DISPLACEMENT_IMPLAUSIBLE,
+                self._displacement_band.outside(temperature_c, displacement_mm),
+            )
+        return None if outside is None else Contradiction(fault, outside)
 
     def _raise(self, fault: Fault, time_s: float, detail: str, limit: str | None = None) -> None:
         if self.trip is None:

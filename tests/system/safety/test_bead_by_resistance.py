@@ -51,7 +51,7 @@ def test_bead_that_comes_off_trips_before_the_wire_is_too_hot(identified, seed, 
     blind = BlindRig(seed)
     with pytest.raises(TripError) as tripped:
         blind.track(identified.wire.wire, lambda bench: bench.sensors.bead.loosen_bead(contact=0.05, over_s=over_s))
-    assert tripped.value.number in (Fault.READS_TOO_COLD.number, Fault.DISPLACEMENT_IMPLAUSIBLE.number)
+    assert tripped.value.number in (Fault.READS_TOO_COLD.number, Fault.RESISTANCE_IMPLAUSIBLE.number)
     assert blind.hottest_c < blind.most_c
 
 

@@ -92,7 +92,7 @@ def test_draft_trips_only_if_the_resistance_does_not_show_a_cool_wire():
 def test_reading_that_does_not_belong_to_the_resistance_trips():
     without_bead = [sample(95.0, 0.95, n, reading_c=40.0, current_a=0.2) for n in range(100)]
     assert trip(without_bead, None) is None
-    assert trip(without_bead, by_resistance()) is Fault.DISPLACEMENT_IMPLAUSIBLE
+    assert trip(without_bead, by_resistance()) is Fault.RESISTANCE_IMPLAUSIBLE
 
 
 def test_resistance_that_is_not_used_judges_nothing_until_it_is_used():

@@ -116,7 +116,7 @@ def test_resistance_checks_the_thermocouple_from_the_change_to_it(rig):
     choose(rig, 10.0, "resistance")
     rig.do(14.0, lambda: rig.device.bench.sensors.bead.loosen_bead(contact=0.05, over_s=0.5))
     rig.run(until_s=24.0)
-    assert rig.status["fault"].startswith("fault 17")
+    assert rig.status["fault"].startswith("fault 21")
     assert max(wire_c for _, wire_c, _ in rig.wire) < load_rig("in-process").limits.temperature_max_c
 
 
