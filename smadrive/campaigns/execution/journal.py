@@ -11,6 +11,7 @@ import fcntl
 import json
 import os
 import time
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Self
@@ -56,9 +57,15 @@ class Journal:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Synchronize the journal to the disk, and release the folder. A new journal without a run is removed."""
+        """Synchronize the journal to the disk, and release the folder.
+
+        A new journal without a run is removed, with the folder if this journal created it.
+        """
         if not self.results and not self._resume:
             (self.folder / JOURNAL).unlink()
+            if self._is_new_folder:
+                with suppress(OSError):  # another file is in the folder
+                    self.folder.rmdir()
         self._sync()
         self._file.close()
 
@@ -71,6 +78,7 @@ class Journal:
 
     def _open(self) -> IO[str]:
         path = self.folder / JOURNAL
+        self._is_new_folder = not self.folder.exists()
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             if self._resume:

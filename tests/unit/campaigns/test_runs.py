@@ -106,10 +106,17 @@ def test_another_campaign_does_not_go_on_in_the_folder(short_campaign, tmp_path)
         assert list(journal.results) == [0]
 
 
-def test_a_campaign_without_a_run_leaves_no_journal(short_campaign, tmp_path):
+def test_a_campaign_without_a_run_leaves_nothing(short_campaign, tmp_path):
     for _ in range(2):
         with Journal(tmp_path / "folder", short_campaign(), resume=False):
             pass
+    assert not (tmp_path / "folder").exists()
+
+
+def test_a_campaign_without_a_run_leaves_the_folder_of_the_user(short_campaign, tmp_path):
+    (tmp_path / "folder").mkdir()
+    with Journal(tmp_path / "folder", short_campaign(), resume=False):
+        pass
     assert list((tmp_path / "folder").iterdir()) == []
 
 
