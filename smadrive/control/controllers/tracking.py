@@ -153,16 +153,19 @@ class TrackingController:
     def _observed(self, measurement: Measurement, displacement: DisplacementReading, dt_s: float) -> WireEstimate:
         """Return the estimate at `measurement`.
 
-        It uses the measured power, or the power of the last command if the measured power is unknown.
+        It uses the measured power, or the power of the commanded current if the measured power is unknown.
         """
         if self._state is None:
             return self._observer.start(measurement.temperature_c, self._sources.start_mm(measurement))
-        measured_w = measurement.current_a * measurement.voltage_v
+        before = self._state.estimate
+        power_w = measurement.current_a * measurement.voltage_v
+        if not isfinite(power_w):
+            power_w = measurement.in_force_a**2 * self._wire.resistance_ohm(before.hysteresis)
         return self._observer.update(
-            self._state.estimate,
+            before,
             measurement.temperature_c,
             displacement.mm,
-            measured_w if isfinite(measured_w) else self._state.power_w,
+            power_w,
             dt_s,
             displacement.noise_mm,
         )

@@ -46,7 +46,9 @@ class Bench:
         seen_mm = self.state.hysteresis.y + self.noise.normal(0, 0.012) if self.sensor else nan
         ohm = self.wire.balance.resistance_ohm(self.state.hysteresis.w)
         reading_c = self.reading_c + self.noise.normal(0, 0.1)
-        return Measurement(self.time_s, reading_c, self.in_force_a, self.in_force_a * ohm, seen_mm)
+        return Measurement(
+            self.time_s, reading_c, self.in_force_a, self.in_force_a * ohm, seen_mm, in_force_a=self.in_force_a
+        )
 
     def advance(self, current_a):
         self.in_force_a, self.sent_a = self.sent_a, current_a
@@ -158,6 +160,19 @@ def test_lost_reading_is_bridged():
         command = tracker.update(bench.time_s, bench.measurement()._replace(temperature_c=nan), DT_S)
         bench.advance(command.commanded_a)
     assert abs(bench.state.hysteresis.y - REFERENCE.value_mm(bench.time_s)) < 0.01 * 12
+
+
+def test_unknown_power_is_that_of_the_current_in_force_not_of_the_last_command():
+    held = Reference.from_samples([0.0, 40.0], [3.0, 3.0])
+    bench, knowing = Bench(WireModel(loop(), BALANCE), sensor=True), controller(held, loop())
+    bench.run(knowing, 20.0)
+    jumping = controller(Reference.from_samples([0.0, 40.0], [8.0, 8.0]), loop(), before=knowing)
+    bench.run(jumping, 20.05)
+    assert bench.sent_a - bench.in_force_a > 0.1
+    sample = bench.measurement()
+    unknowing = controller(held, loop(), before=jumping)
+    seen = jumping.update(20.05, sample, DT_S).estimated_c
+    assert unknowing.update(20.05, sample._replace(voltage_v=nan), DT_S).estimated_c == pytest.approx(seen, abs=0.1)
 
 
 def test_measured_wire_is_soon_back_after_a_jump_of_the_setpoint():
