@@ -28,8 +28,8 @@ from smadrive.wire.wire_model import WireModel
 LAG_FACTOR = 3.0
 """Multiple of the thermocouple's nominal lag that the supervisor allows before a reading counts as implausible."""
 
-MISPLACED_S = 2.0
-"""A displacement outside the model's range is a fault after this time in s plus the allowed lag of the thermocouple."""
+CONTRADICTS_S = 2.0
+"""A reading that contradicts displacement or resistance is a fault after this time in s plus the allowed lag."""
 
 SAMPLED = 0.5
 """Longest time between two temperature readings, as a fraction of the wire's time constant."""
@@ -102,7 +102,7 @@ def _safety_limits(config: RigConfig, settle_s: float, lag_s: float) -> SafetyLi
         displacement_max_mm=inf if limits.displacement_max_mm is None else limits.displacement_max_mm,
         tracking_max_mm=limits.tracking_max_mm or inf,
         tracking_for_s=limits.tracking_for_s,
-        misplaced_for_s=MISPLACED_S + lag_s,
+        contradicts_for_s=CONTRADICTS_S + lag_s,
     )
 
 

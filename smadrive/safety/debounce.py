@@ -1,4 +1,4 @@
-"""Debouncing: a condition that noise can cause counts only when several of the latest samples show it."""
+"""Two ways to wait before a condition counts: until several samples show it, or until it has lasted for some time."""
 
 from __future__ import annotations
 
@@ -27,3 +27,23 @@ class Debounce:
         if not count:
             self._recent.clear()
         return count >= self.needed
+
+
+@dataclass(slots=True)
+class Persistence:
+    """Measures for how long a condition has lasted without a break, s."""
+
+    _since_s: float | None = field(default=None, init=False)
+    _time_s: float = field(default=0.0, init=False)
+
+    def update(self, time_s: float, holds: bool | None) -> float:
+        """Add one sample, and return for how long the condition has held, s.
+
+        `holds` is None if it is unknown whether the condition holds. The result then stands still.
+        """
+        if self._since_s is None or holds is False:
+            self._since_s = time_s
+        elif holds is None:
+            self._since_s += time_s - self._time_s
+        self._time_s = time_s
+        return time_s - self._since_s

@@ -24,8 +24,8 @@ class SafetyLimits:
     tracking_max_mm       largest difference between setpoint and displacement, mm
     tracking_for_s        longest time for which the difference may exceed `tracking_max_mm`, s, and for which a
                           displacement with a limit may be unknown in a run
-    misplaced_for_s       longest time for which the displacement may be outside the band of the model, because the
-                          thermocouple lags, s; it may never be beyond the travel of the model
+    contradicts_for_s     longest time for which displacement or resistance may contradict the reading, because the
+                          thermocouple lags, s; the displacement may never be beyond the travel of the model
     """
 
     temperature_max_c: float
@@ -38,7 +38,7 @@ class SafetyLimits:
     displacement_max_mm: float = inf
     tracking_max_mm: float = inf
     tracking_for_s: float = 2.0
-    misplaced_for_s: float = 2.0
+    contradicts_for_s: float = 2.0
 
     @property
     def has_displacement(self) -> bool:

@@ -11,7 +11,7 @@ from math import isfinite
 
 from smadrive.measurement import Measurement
 from smadrive.safety.arming_checks import check_may_arm
-from smadrive.safety.debounce import Debounce
+from smadrive.safety.debounce import Debounce, Persistence
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Contradiction, Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
@@ -57,10 +57,9 @@ class Supervisor:
         self._strayed = Debounce(3, 5)
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
-        self._following_s: float | None = None
-        self._displaced_s: float | None = None
+        self._not_following, self._displacement_unknown = Persistence(), Persistence()
         self._limits_displacement = limits.has_displacement
-        self._in_band_s: float | None = None
+        self._contradicting = Persistence()
         self._beyond_travel = Debounce(3, 4)
         self._late_ticks = 0
 
@@ -182,18 +181,16 @@ class Supervisor:
 
     def _check_displacement(self, measurement: Measurement, setpoint_mm: float) -> None:
         limits, measured_mm = self._limits, measurement.displacement_mm
-        if isfinite(measured_mm) or self._displaced_s is None:
-            self._displaced_s = measurement.time_s
-        elif self._limits_displacement and measurement.time_s - self._displaced_s > limits.tracking_for_s:
+        unknown_s = self._displacement_unknown.update(measurement.time_s, not isfinite(measured_mm))
+        if self._limits_displacement and unknown_s > limits.tracking_for_s:
             self._raise(Fault.DISPLACEMENT_UNKNOWN, measurement.time_s, f"no reading for {limits.tracking_for_s:g} s")
         outside = measured_mm < limits.displacement_min_mm or measured_mm > limits.displacement_max_mm
         if self._strayed.update(outside):
             is_low = measured_mm < limits.displacement_min_mm
             limit = f"{limits.displacement_min_mm if is_low else limits.displacement_max_mm:g} mm"
             self._raise(Fault.OVER_DISPLACEMENT, measurement.time_s, f"{measured_mm:.3f} mm", limit)
-        if self._following_s is None or not abs(setpoint_mm - measured_mm) > limits.tracking_max_mm:
-            self._following_s = measurement.time_s
-        elif measurement.time_s - self._following_s > limits.tracking_for_s:
+        is_far = abs(setpoint_mm - measured_mm) > limits.tracking_max_mm
+        if self._not_following.update(measurement.time_s, is_far) > limits.tracking_for_s:
             detail = f"setpoint {setpoint_mm:.3f} mm, measured {measured_mm:.3f} mm, for {limits.tracking_for_s:g} s"
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail, f"{limits.tracking_max_mm:g} mm")
 
@@ -201,10 +198,14 @@ class Supervisor:
         """Trip at once if the displacement is impossible at every temperature, else if the contradiction lasts."""
         band, displacement_mm = self._displacement_band, measurement.displacement_mm
         is_impossible = self._beyond_travel.update(band is not None and band.is_beyond_travel(displacement_mm))
-        if self._in_band_s is None or contradiction is None:
-            self._in_band_s = measurement.time_s
-        elif is_impossible or measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
+        holds = contradiction is not None if self._is_compared(measurement) else None
+        lasted_s = self._contradicting.update(measurement.time_s, holds)
+        if contradiction is not None and (is_impossible or lasted_s > self._limits.contradicts_for_s):
             self._raise(contradiction.fault, measurement.time_s, contradiction.detail)
+
+    def _is_compared(self, measurement: Measurement) -> bool:
+        """Return False while the resistance is to be compared with the reading, and is not measured."""
+        return self._by_resistance is None or isfinite(measurement.displacement_mm) or self._by_resistance.is_measured
 
     def _check_resistance_band(self, measurement: Measurement) -> None:
         if self._resistance_band is not None and (jump := self._resistance_band.jumped(measurement)):

@@ -13,7 +13,8 @@ At a reading T of the thermocouple, the resistance lies between the least and th
 displacement band (displacement_band.py). Otherwise the reading does not belong to the wire.
 
 The measured resistance may be wrong by `MARGIN` and 3 σ. While the current is too small to measure the resistance, it
-cannot heat the wire, and the last result holds.
+cannot heat the wire. A wire that was colder than T_max then stays colder, and no reading is compared with the
+resistance of an earlier time.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 MEAN_S = 0.2
-"""Time constant with which the weight of a sample decays, s."""
+"""Time constant with which the weight of a sample decays, s, and the age at which the mean is too old for a reading."""
 
 MARGIN = 0.01
 """Largest error of the resistance apart from its noise, for example by the leads, as a share."""
@@ -58,10 +59,11 @@ class TemperatureByResistance:
         self._least_a = current_min_a(current_max_a)
         hot_c = np.linspace(temperature_max_c, temperature_max_c + BEYOND_C, POINTS).tolist()
         self._hot_ohm = max(ohm for one_c in hot_c for ohm in self._ohms(one_c, self._transformed_mm(one_c)))
-        self._power_w, self._squares_a2, self._time_s = 0.0, 0.0, -inf
+        self._power_w, self._squares_a2, self._time_s, self._now_s = 0.0, 0.0, -inf, 0.0
 
     def update(self, measurement: Measurement) -> None:
         """Add one measurement. It does not count without a voltage, or with too small a current."""
+        self._now_s = measurement.time_s
         current_a, voltage_v = measurement.current_a, measurement.voltage_v
         if not (current_a >= self._least_a and voltage_v > 0.0):
             return
@@ -69,6 +71,11 @@ class TemperatureByResistance:
         self._time_s = measurement.time_s
         self._power_w = kept * self._power_w + voltage_v * current_a
         self._squares_a2 = kept * self._squares_a2 + current_a * current_a
+
+    @property
+    def is_measured(self) -> bool:
+        """True while the mean resistance belongs to the present time."""
+        return self._now_s - self._time_s <= MEAN_S
 
     def excludes_limit(self) -> bool:
         """Return True if the wire must be colder than `temperature_max_c`; False before the first measurement."""
@@ -80,9 +87,9 @@ class TemperatureByResistance:
     def outside(self, temperature_c: float) -> str | None:
         """Return a text if the resistance does not belong to the reading `temperature_c`, otherwise None.
 
-        The result is None before the first measurement, and for NaN.
+        The result is None while the resistance is not measured, and for NaN.
         """
-        if not (self._squares_a2 and isfinite(temperature_c) and self._is_used()):
+        if not (self.is_measured and isfinite(temperature_c) and self._is_used()):
             return None
         ohm, sure_ohm = self._measured()
         ends_mm = self._band.band_mm(temperature_c)

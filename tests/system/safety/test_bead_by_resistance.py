@@ -1,4 +1,4 @@
-"""A bead that comes off, and a strong draft, in a run that takes the displacement from the resistance."""
+"""A bead that comes off, a strong draft, and a cold wire in a run that takes the displacement from the resistance."""
 
 import pytest
 
@@ -6,6 +6,7 @@ from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import TripError
 from smadrive.measurement import DisplacementFrom
@@ -16,6 +17,7 @@ from smadrive.safety.faults import Fault
 pytestmark = pytest.mark.exhaustive
 
 BEGINS_S = 20.0
+REFERENCE = sine(low_mm=3.0, high_mm=8.0, period_s=56.0, cycles=1.0).with_approach(0.0, 10.0)
 
 
 class BlindRig:
@@ -30,7 +32,7 @@ class BlindRig:
         self.rig = Rig(given, clock, {"board": self.device.transport(clock)})
         self.most_c, self.hottest_c = config.limits.temperature_max_c, 0.0
 
-    def track(self, wire, disturb):
+    def track(self, wire, disturb, reference=REFERENCE, source=DisplacementFrom.RESISTANCE):
         def record(tick):
             plant = self.device.bench.plant
             self.hottest_c = max(self.hottest_c, plant.temperature_c)
@@ -39,8 +41,7 @@ class BlindRig:
                 disturb(self.device.bench)
 
         self.disturbed = False
-        reference = sine(low_mm=3.0, high_mm=8.0, period_s=56.0, cycles=1.0).with_approach(0.0, 10.0)
-        inverse, source = HysteresisInverse(wire.model), DisplacementFrom.RESISTANCE
+        inverse = HysteresisInverse(wire.model)
         with self.rig as rig:
             return rig.track(reference, wire.model, wire.heat_balance, inverse, record, None, wire.resistance, source)
 
@@ -61,3 +62,11 @@ def test_strong_draft_does_not_trip(identified, seed):
     loop = blind.track(identified.wire.wire, lambda bench: bench.plant.surroundings.draft(factor=2.5, for_s=20.0))
     assert loop.trips == 0
     assert blind.hottest_c < blind.most_c
+
+
+@pytest.mark.parametrize("source", [DisplacementFrom.RESISTANCE, DisplacementFrom.SENSOR])
+def test_wire_that_cools_to_its_cold_end_does_not_trip(identified, source):
+    """While the wire cools, its current is too small to measure the resistance."""
+    falling = Reference.from_samples([0.0, 10.0, 20.0, 21.0, 50.0], [0.0, 9.0, 9.0, 0.0, 0.0])
+    loop = BlindRig(seed=1).track(identified.wire.wire, lambda _bench: None, falling, source)
+    assert loop.trips == 0

@@ -15,7 +15,7 @@ from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import IDENTIFIED, TemperatureBand
 from smadrive.wire.heat_balance import HeatBalance
 
-LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05, misplaced_for_s=3.5)
+LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05, contradicts_for_s=3.5)
 
 
 def sample(n=0, temperature_c=60.0, current_a=0.2, in_force_a=0.2, armed=True, **rest):
@@ -267,7 +267,7 @@ def test_displacement_outside_the_band_trips_after_the_lag_of_the_thermocouple(b
     samples = [sample(n, temperature_c=temperature_c, displacement_mm=displacement_mm) for n in range(100)]
     after, fault = trips_after(samples, band=band)
     assert fault is Fault.DISPLACEMENT_IMPLAUSIBLE
-    assert 0.05 * after == pytest.approx(LIMITS.misplaced_for_s, abs=0.2)
+    assert 0.05 * after == pytest.approx(LIMITS.contradicts_for_s, abs=0.2)
 
 
 @pytest.mark.parametrize("displacement_mm", [-2.0, 999.0])

@@ -1,6 +1,6 @@
 """The check of the thermocouple by the resistance, for a wire without a displacement sensor."""
 
-from math import nan
+from math import exp, nan
 
 import pytest
 
@@ -25,7 +25,7 @@ AUSTENITE_OHM = (16.0, 16.5, 17.0)
 RESISTANCE = WireResistance(22.0, 17.0, 0.008, 0.04, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), AUSTENITE_OHM)
 WIRE = WireModel(MODEL, BALANCE, RESISTANCE)
 MOST_C = 135.0
-LIMITS = SafetyLimits(temperature_max_c=MOST_C, stale_after_s=0.3, current_tolerance_a=0.05, misplaced_for_s=2.0)
+LIMITS = SafetyLimits(temperature_max_c=MOST_C, stale_after_s=0.3, current_tolerance_a=0.05, contradicts_for_s=2.0)
 
 
 def by_resistance(is_used=always):
@@ -93,6 +93,19 @@ def test_reading_that_does_not_belong_to_the_resistance_trips():
     without_bead = [sample(95.0, 0.95, n, reading_c=40.0, current_a=0.2) for n in range(100)]
     assert trip(without_bead, None) is None
     assert trip(without_bead, by_resistance()) is Fault.RESISTANCE_IMPLAUSIBLE
+
+
+def test_wire_that_cools_without_current_is_not_compared_with_its_hot_resistance():
+    hot = [sample(110.0, 1.0, n) for n in range(20)]
+    cooling_c = [22.0 + 88.0 * exp(-0.05 * n / BALANCE.time_constant_s) for n in range(300)]
+    cooling = [sample(one_c, 0.0, 20 + n, current_a=0.03) for n, one_c in enumerate(cooling_c)]
+    heated = [sample(22.0 + 3.0 * n, 0.0, 320 + n) for n in range(10)]
+    assert trip(hot + cooling + heated, by_resistance()) is None
+
+
+def test_reading_that_is_wrong_trips_although_the_current_pauses():
+    samples = [sample(95.0, 0.95, n, reading_c=40.0, current_a=0.2 if n % 40 < 20 else 0.0) for n in range(200)]
+    assert trip(samples, by_resistance()) is Fault.RESISTANCE_IMPLAUSIBLE
 
 
 def test_resistance_that_is_not_used_judges_nothing_until_it_is_used():
