@@ -15,13 +15,11 @@ from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.controllers.tracking_feedback import TrackingSettings
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
-from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.identification.excitation_plans import planned_excitation
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import ExcitationConfig, RigConfig
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 EXCITATION_SLOWER = 2.0
@@ -70,21 +68,18 @@ def step_controller(config: RigConfig, step: ManualStep, balance: HeatBalance) -
 def tracking_controller(
     config: RigConfig,
     reference: Reference,
-    model: IdentifiedModel,
-    balance: HeatBalance,
+    wire: WireModel,
     inverse: DisplacementInverse,
-    resistance: WireResistance | None = None,
     displacement_from: DisplacementFrom | None = None,
 ) -> TrackingController:
-    """Return the controller that follows a displacement reference with the given inverse model.
+    """Return the controller that makes the wire follow a displacement reference with the given inverse model.
 
-    `resistance` is the identified resistance of the wire. `displacement_from` replaces the source of the displacement
-    in the rig file.
+    `displacement_from` replaces the source of the displacement in the rig file.
     """
     settings = tracking_settings(config)
     if displacement_from is not None:
         settings = replace(settings, displacement_from=displacement_from)
-    return TrackingController(reference, WireModel(model, balance, resistance), inverse, settings)
+    return TrackingController(reference, wire, inverse, settings)
 
 
 def tracking_settings(config: RigConfig) -> TrackingSettings:

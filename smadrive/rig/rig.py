@@ -22,7 +22,6 @@ from smadrive.devices.state.latch import TripLatch
 from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.files.number_text import distinct
-from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.modbus.transports.transport import Transport
@@ -40,7 +39,6 @@ from smadrive.safety.supervisor import Supervisor
 from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 RATE_EXCHANGES = 4
@@ -147,24 +145,20 @@ class Rig:
     def track(
         self,
         reference: Reference,
-        model: IdentifiedModel,
-        balance: HeatBalance,
+        wire: WireModel,
         inverse: DisplacementInverse,
         record: TickHandler,
         expected: ExpectedRest | None = None,
-        resistance: WireResistance | None = None,
         displacement_from: DisplacementFrom | None = None,
     ) -> LoopMetrics:
-        """Track a displacement reference with the given inverse model. Return the metrics of the loop.
+        """Make the wire track a displacement reference with the given inverse model. Return the metrics of the loop.
 
-        `record` is called with every tick. A jump of the resistance away from `expected` is a fault. `resistance` is
-        the identified resistance of the wire. `displacement_from` replaces the source of the displacement in the rig
-        file.
+        `record` is called with every tick. A jump of the resistance away from `expected` is a fault.
+        `displacement_from` replaces the source of the displacement in the rig file.
         """
         source = displacement_from or self.config.displacement_from
-        controller = tracking_controller(self.config, reference, model, balance, inverse, resistance, source)
-        checks = wire_checks(WireModel(model, balance, resistance), source, expected)
-        return self.drive(controller, balance, record, checks)
+        controller = tracking_controller(self.config, reference, wire, inverse, source)
+        return self.drive(controller, wire.balance, record, wire_checks(wire, source, expected))
 
     def drive(
         self,

@@ -10,7 +10,6 @@ from smadrive.devices.heater import Heater
 from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
-from smadrive.hysteresis import IdentifiedModel
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig
 from smadrive.rig.plan import STALE_PERIODS
@@ -22,7 +21,6 @@ from smadrive.safety.temperature_band import UNCERTAINTIES, TemperatureBand
 from smadrive.safety.temperature_by_resistance import TemperatureByResistance
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
 LAG_FACTOR = 3.0
@@ -43,24 +41,28 @@ def always() -> bool:
     return True
 
 
+def never() -> bool:
+    """Return False: the resistance is not trusted."""
+    return False
+
+
 class WireChecks(NamedTuple):
     """What is known about the wire of a run, and is checked in this run.
 
-    model            a displacement outside the model's range at the measured temperature is a fault
+    wire             a displacement outside the range of its model at the measured temperature is a fault. Its
+                     resistance checks the thermocouple while no sensor shows the displacement
     expected         if given, a jump of the resistance at rest away from it is a fault
-    resistance       if given, it checks the thermocouple while no sensor shows the displacement
     uses_resistance  the resistance checks nothing while this function returns False
     """
 
-    model: IdentifiedModel
+    wire: WireModel
     expected: ExpectedRest | None = None
-    resistance: WireResistance | None = None
     uses_resistance: Callable[[], bool] = always
 
 
 def wire_checks(wire: WireModel, source: DisplacementFrom, expected: ExpectedRest | None = None) -> WireChecks:
     """Return the checks of a run whose displacement comes from `source`. With NONE, the resistance is not trusted."""
-    return WireChecks(wire.model, expected, None if source is DisplacementFrom.NONE else wire.resistance)
+    return WireChecks(wire, expected, never if source is DisplacementFrom.NONE else always)
 
 
 def supervisor(config: RigConfig, heater: Heater, balance: HeatBalance, checks: WireChecks | None = None) -> Supervisor:
@@ -74,13 +76,13 @@ def supervisor(config: RigConfig, heater: Heater, balance: HeatBalance, checks: 
     band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s + heater.temperature_period_s)
     if checks is None:
         return Supervisor(limits, band)
-    displacement, wire = DisplacementBand(checks.model), WireModel(checks.model, balance)
+    wire, displacement = checks.wire, DisplacementBand(checks.wire.model)
     current_max_a, hottest_c = config.limits.current_max_a, config.limits.temperature_max_c
     at_rest = None if checks.expected is None else ResistanceBand(wire, displacement, checks.expected, current_max_a)
     by_resistance = None
-    if (resistance := checks.resistance) is not None:
+    if wire.resistance is not None:
         limits_of_run = hottest_c, current_max_a, checks.uses_resistance
-        by_resistance = TemperatureByResistance(wire, resistance, displacement, *limits_of_run)
+        by_resistance = TemperatureByResistance(wire, wire.resistance, displacement, *limits_of_run)
     return Supervisor(limits, band, displacement, at_rest, by_resistance)
 
 

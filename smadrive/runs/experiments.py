@@ -23,7 +23,7 @@ from smadrive.identification.excitation import Excitation, check_may_excite
 from smadrive.rig.config_checks import check_step
 from smadrive.rig.controllers import step_controller
 from smadrive.rig.rig import Rig
-from smadrive.rig.supervision import WireChecks
+from smadrive.rig.supervision import wire_checks
 from smadrive.runs.cycling.cycles import CycleEvents
 from smadrive.runs.health.assessment import expected_of, wire_file_of
 from smadrive.runs.run_log import (
@@ -132,27 +132,25 @@ def track(
 
     `inverse` is the feedforward, by default the inverse of the hysteresis model.
     """
-    model, balance = plan.wire.model, plan.wire.balance
-    inverse = inverse or HysteresisInverse(model)
+    wire, source = plan.wire, plan.displacement_from
+    inverse = inverse or HysteresisInverse(wire.model)
     notes |= {"given_reference": reference_text(plan.given), "caveats": json.dumps(plan.caveats)}
     notes |= {} if plan.cycling is None else {"cycling": plan.cycling.text()}
     notes |= {} if plan.wire_file is None else {WIRE_FILE: str(plan.wire_file)}
-    notes["displacement_from"] = plan.displacement_from.value
-    sensing = plan.wire.resistance, plan.displacement_from
     with (
-        record_tracking(log_file, rig, plan.nearest, model, balance, inverse, sensing[0], **notes) as recorder,
+        record_tracking(log_file, rig, plan.nearest, wire, inverse, source, **notes) as recorder,
         watch(recorder, plan.nearest.duration_s) as record,
     ):
         if plan.cycling is None:
-            return rig.track(plan.nearest, model, balance, inverse, record, plan.expected, *sensing)
-        ends_mm, current_max_a = travel_mm(model), rig.config.limits.current_max_a
+            return rig.track(plan.nearest, wire, inverse, record, plan.expected, source)
+        ends_mm, current_max_a = travel_mm(wire.model), rig.config.limits.current_max_a
         cycles = CycleEvents(recorder.event, plan.nearest, plan.cycling, ends_mm, current_max_a)
 
         def record_cycles(tick: Tick) -> None:
             cycles.tick(tick)
             record(tick)
 
-        loop = rig.track(plan.nearest, model, balance, inverse, record_cycles, plan.expected, *sensing)
+        loop = rig.track(plan.nearest, wire, inverse, record_cycles, plan.expected, source)
         cycles.finish()
         return loop
 
@@ -170,15 +168,14 @@ def drive(
 
     The run also ends when `stop_requested` returns True.
     """
-    balance = identified.heat_balance or rig.nominal_balance
-    wire, wire_file = IdentifiedWire(identified.model, balance), wire_file_of(identified)
+    wire, wire_file = identified.wire_model(rig.nominal_balance), wire_file_of(identified)
+    checks = wire_checks(wire, rig.config.displacement_from, expected_of(identified))
     notes = {} if wire_file is None else {WIRE_FILE: str(wire_file)}
     with (
         record_controller(log_file, rig, wire, name, controller.duration_s, **notes) as recorder,
         watch(recorder, controller.duration_s) as record,
     ):
-        checks = WireChecks(identified.model, expected_of(identified))
-        return rig.drive(controller, balance, record, checks, stop_requested)
+        return rig.drive(controller, wire.balance, record, checks, stop_requested)
 
 
 def read_reference(text: str) -> Reference:

@@ -130,10 +130,8 @@ def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
         what = "the run used a plain temperature map instead of a model, and a log does not hold this map"
         raise DataError(what, where=log.path, cure="replay it with a model: --model FILE")
     stepped = (wire or wire_of(log)).wire_model()
-    inverse = HysteresisInverse(stepped.model)
     chosen = DisplacementFrom(log.metadata.get("displacement_from", DisplacementFrom.SENSOR))
-    arguments = stepped.model, stepped.balance, inverse, stepped.resistance, chosen
-    return tracking_controller(config, reference_of(log), *arguments)
+    return tracking_controller(config, reference_of(log), stepped, HysteresisInverse(stepped.model), chosen)
 
 
 def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:

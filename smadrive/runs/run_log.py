@@ -19,7 +19,6 @@ from smadrive.control.feedforward.displacement import DisplacementInverse, Hyste
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.errors import StoppedError
-from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.rig import Rig
@@ -28,9 +27,8 @@ from smadrive.runs.log.reader import STOP
 from smadrive.runs.log.recorder import Recorder
 from smadrive.runs.log.writer import GROWTH_ROWS
 from smadrive.runs.session_record import KIND
-from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.wire_model import WireModel
 
 _row = row_getter(COLUMNS)
 
@@ -127,30 +125,33 @@ def record_tracking(
     path: Path,
     rig: Rig,
     reference: Reference,
-    model: IdentifiedModel,
-    balance: HeatBalance,
+    wire: WireModel,
     inverse: DisplacementInverse,
-    resistance: WireResistance | None = None,
+    displacement_from: DisplacementFrom | None = None,
     **notes: str,
 ) -> TickRecorder:
-    """Create the log of a tracking run, and return its recorder. `notes` are further metadata, for example a seed."""
+    """Create the log of a tracking run, and return its recorder. `notes` are further metadata, for example a seed.
+
+    `displacement_from` replaces the source of the displacement in the rig file.
+    """
     metadata = {
         "kind": "tracking",
         "reference": reference_text(reference),
-        "wire": IdentifiedWire(model, balance, resistance=resistance).text(),
+        "wire": IdentifiedWire.of(wire).text(),
         "inverse": "hysteresis" if isinstance(inverse, HysteresisInverse) else "plain map",
+        "displacement_from": (displacement_from or rig.config.displacement_from).value,
     }
     return _open(path, rig, {**metadata, **notes}, reference.duration_s)
 
 
 def record_controller(
-    path: Path, rig: Rig, wire: IdentifiedWire, name: str, duration_s: float, **notes: str
+    path: Path, rig: Rig, wire: WireModel, name: str, duration_s: float, **notes: str
 ) -> TickRecorder:
-    """Create the log of a run of the user's controller `name` on the identified wire, and return its recorder.
+    """Create the log of a run of the user's controller `name` on the wire, and return its recorder.
 
     `notes` are further metadata.
     """
-    metadata = {"kind": OWN_CONTROLLER, "controller": name, "wire": wire.text()}
+    metadata = {"kind": OWN_CONTROLLER, "controller": name, "wire": IdentifiedWire.of(wire).text()}
     return _open(path, rig, {**metadata, **notes}, duration_s)
 
 

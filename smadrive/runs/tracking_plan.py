@@ -129,7 +129,7 @@ def plan_tracking(
     `smooth`. `displacement_from` replaces the source of the displacement in the rig file. A reference outside the
     temperature or displacement limits of the rig is a ConfigError, too.
     """
-    wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance, identified.resistance)
+    wire = identified.wire_model(rig.nominal_balance)
     chosen, limits = displacement_from or rig.config.displacement_from, rig.config.limits
     limit_c = limits.temperature_max_c
     check_rig_limits(given.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)

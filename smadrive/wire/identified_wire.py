@@ -106,15 +106,24 @@ class IdentifiedWire:
         provenance = {name: asdict(part) for name, part in parts.items() if part is not None}
         return model_text(self.model, provenance, place="wire")
 
-    def wire_model(self) -> WireModel:
-        """Return the model that steps temperature and displacement together. ModelError without a heat balance."""
-        if self.heat_balance is None:
+    @classmethod
+    def of(cls, wire: WireModel) -> IdentifiedWire:
+        """Return the wire of which `wire` is the model."""
+        return cls(wire.model, wire.balance, resistance=wire.resistance)
+
+    def wire_model(self, otherwise: HeatBalance | None = None) -> WireModel:
+        """Return the model that steps temperature and displacement together.
+
+        `otherwise` is the heat balance of a wire without its own. ModelError without any heat balance.
+        """
+        balance = self.heat_balance or otherwise
+        if balance is None:
             raise ModelError(
                 "no heat balance",
                 where=self.source or "wire",
                 cure="identify the wire from a log with current and voltage",
             )
-        return WireModel(self.model, self.heat_balance, self.resistance)
+        return WireModel(self.model, balance, self.resistance)
 
 
 def load_wire(path: str | os.PathLike[str]) -> IdentifiedWire:

@@ -143,7 +143,7 @@ def outcome_of(start: int, run: PlannedRun, knowledge: WireKnowledge) -> Outcome
 
     try:
         with simulated.rig as rig:
-            rig.drive(Takeover(before, after, at_s), wire.balance, record, WireChecks(wire.model))
+            rig.drive(Takeover(before, after, at_s), wire.balance, record, WireChecks(wire))
     except TripError:
         return Outcome(start, inf, best[0], 0, True)
     time_s, error_mm, current_a = np.array(rows).T

@@ -29,7 +29,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record
-from smadrive.wire.wire_model import travel_mm
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 HOUR_S = 3600.0
 PERIODS_S = (40.0, 56.0, 90.0)
@@ -76,7 +76,7 @@ def main() -> None:
         rig.cool_down(20.0)
         cold_mm, hot_mm = travel_mm(model)
         reference = endless(cold_mm, hot_mm, arguments.hours * HOUR_S).with_approach(cold_mm, APPROACH_S)
-        experiment = reference, model, wire.thermal.balance, HysteresisInverse(model)
+        experiment = reference, WireModel(model, wire.thermal.balance), HysteresisInverse(model)
         print(f"{'hour':>5}{'ticks':>9}{'RMS %':>8}{'max %':>8}{'memory MB':>11}{'x real time':>13}")
         errors_percent: list[float] = []
         begun_s = time.perf_counter()

@@ -29,7 +29,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record, nominal_balance
-from smadrive.wire.wire_model import travel_mm
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 RIG = load_rig("in-process")
 PERIOD_S = 56.0
@@ -58,7 +58,7 @@ def track(path, wire, minutes):
     low_mm, high_mm = (cold_mm + share * (hot_mm - cold_mm) for share in (0.2, 0.8))
     cycles = 60.0 * minutes / PERIOD_S
     reference = sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=cycles).with_approach(cold_mm, 10.0)
-    experiment = reference, model, balance, HysteresisInverse(model)
+    experiment = reference, WireModel(model, balance), HysteresisInverse(model)
     with Rig(RIG) as rig, record_tracking(path, rig, *experiment) as recorder:
         return timed(lambda: rig.track(*experiment, recorder.tick))
 

@@ -72,7 +72,7 @@ def controller_of(
         fit = identify_hysteresis(
             knowledge.temperature_c, knowledge.displacement_mm, FitConfig(kind="duhem").settings()
         )
-        return _tracking(reference, WireModel(fit.model, wire.balance), run)
+        return _tracking(reference, WireModel(fit.model, wire.balance, wire.resistance), run)
     plain = _static_map(knowledge, wire)
     if name == "plain-map":
         return TrackingController(reference, wire, plain, settings), plain

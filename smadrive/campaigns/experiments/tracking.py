@@ -84,8 +84,7 @@ def tracking_row(run: PlannedRun, knowledge: WireKnowledge, log_file: Path | Non
     assert run.reference is not None
     sim = simulated_wire(run)
     simulated = SimulatedRig(run, tracked_wire(run), TRACKING)
-    balance = knowledge.wire.heat_balance or simulated.rig.nominal_balance
-    wire = WireModel(knowledge.wire.model, balance, knowledge.wire.resistance)
+    wire = knowledge.wire.wire_model(simulated.rig.nominal_balance)
     planned = planned_reference(run.reference, wire, run.documents.rig)
     series = TickSeries(simulated)
     row = {**wire_row(sim), **knowledge.row, "smoothed": planned.smoothed}
@@ -129,4 +128,4 @@ def _recorder(
     """Create the log of a tracking run, and return its recorder."""
     title = f"run {run.number} of a campaign: {run.settings.controller}, {dict(run.levels)}"
     seed = str(run.settings.seed)
-    return record_tracking(log_file, rig, reference, wire.model, wire.balance, inverse, seed=seed, title=title)
+    return record_tracking(log_file, rig, reference, wire, inverse, seed=seed, title=title)

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
-from math import inf
+from math import inf, nan
 from typing import Protocol
 
 from smadrive.control.controllers.interface import Command
@@ -22,7 +22,7 @@ from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.loop import Tick, TickHandler
 from smadrive.control.references.holding import holding_reference, moving_reference
 from smadrive.control.references.reference import Reference
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.controllers import tracking_controller
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import Watch
@@ -66,14 +66,14 @@ class LoopServo:
     """The controller of a servo: it holds the wire, and moves it as the commands of `link` say.
 
     If `wire` has no heat balance, the controller uses the nominal heat balance of the rig. The constructor measures
-    once, and heats nothing.
+    once, and heats nothing. ConfigError if the rig cannot use its source of the displacement.
     """
 
     duration_s = inf
 
     def __init__(self, rig: Rig, wire: IdentifiedWire, servo_id: str, link: ServoLink, *, is_virtual: bool) -> None:
         self._rig = rig
-        self._wire = wire
+        self._wire = wire.wire_model(rig.nominal_balance)
         self._servo_id = servo_id
         self._link = link
         self._is_virtual = is_virtual
@@ -85,6 +85,10 @@ class LoopServo:
         self._event: Callable[[str], None] = lambda _text: None
         measurement = rig.measure()
         check_thermocouple(measurement)
+        source = rig.config.displacement_from
+        self._warnings = rig.check_sensing(self._wire, source, measurement.temperature_c)
+        if source is not DisplacementFrom.SENSOR:
+            measurement = measurement._replace(displacement_mm=nan)
         reference = holding_reference(wire.model, measurement)
         self._swappable = SwappableController(self._controller(reference), reference, lambda: None)
 
@@ -98,6 +102,8 @@ class LoopServo:
         @contextmanager
         def both(recorder: TickRecorder, duration_s: float) -> Iterator[TickHandler]:
             self._event = recorder.event
+            for warning in self._warnings:
+                self._event(f"warning: {warning}")
             inner: AbstractContextManager[TickHandler] = watch(recorder, duration_s)
             with inner as record:
 
@@ -146,8 +152,7 @@ class LoopServo:
         self._swappable.swap(self._controller(reference), reference)
 
     def _controller(self, reference: Reference) -> TrackingController:
-        balance, model = self._wire.heat_balance or self._rig.nominal_balance, self._wire.model
-        return tracking_controller(self._rig.config, reference, model, balance, HysteresisInverse(model))
+        return tracking_controller(self._rig.config, reference, self._wire, HysteresisInverse(self._wire.model))
 
     def _take(self, tick: Tick) -> None:
         """Note the motions that end with this tick."""

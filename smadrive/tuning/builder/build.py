@@ -85,12 +85,5 @@ def tuned_controller(
 ) -> TrackingController:
     """Return the controller that tracks `reference` with a tuning. All other settings come from the rig file."""
     tuned = config.model_copy(update={"feedback": tuning.feedback})
-    return tracking_controller(
-        tuned,
-        reference,
-        tuning.model,
-        wire.balance,
-        HysteresisInverse(tuning.model),
-        wire.resistance,
-        tuning.displacement_from,
-    )
+    inverse = HysteresisInverse(tuning.model)
+    return tracking_controller(tuned, reference, wire.wire_model(tuning.model), inverse, tuning.displacement_from)

@@ -181,7 +181,7 @@ class TuningSession:
                 self._adaptation.switch(True, tuning)
             else:
                 self._state.report(f"not adapted: {NEEDS_SENSOR}")
-        checks = WireChecks(tuning.model, self._expected, self._wire.resistance, self.tunings.trust_resistance)
+        checks = WireChecks(self._wire.wire_model(tuning.model), self._expected, self.tunings.trust_resistance)
         self._rig.drive(live, self._wire.balance, self._take, checks, self._stop_requested)
 
     def _fail(self, error: SmadriveError) -> None:

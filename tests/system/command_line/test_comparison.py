@@ -20,6 +20,7 @@ from smadrive.runs.comparison.settings import MODEL, MOST_VALUES, counted, setti
 from smadrive.runs.figures.comparison_plots import COLOURS, comparison_plots
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_step, record_tracking
+from smadrive.wire.wire_model import WireModel
 
 WIRE = DuhemModel.gaussian(
     mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
@@ -29,7 +30,11 @@ RIG = load_rig("in-process")
 
 def recorded(path, rig_config, reference, from_mm=0.0):
     with Rig(rig_config) as rig:
-        experiment = reference.with_approach(from_mm, 5.0), WIRE, rig.nominal_balance, HysteresisInverse(WIRE)
+        experiment = (
+            reference.with_approach(from_mm, 5.0),
+            WireModel(WIRE, rig.nominal_balance),
+            HysteresisInverse(WIRE),
+        )
         with record_tracking(path, rig, *experiment) as recorder:
             rig.track(*experiment, recorder.tick)
     return read_log(path)

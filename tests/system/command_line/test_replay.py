@@ -18,6 +18,7 @@ from smadrive.runs.log.reader import read_log
 from smadrive.runs.replay import Difference, prediction_percent, replay
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.wire_model import WireModel
 
 
 def wire(mu_heating=93.0):
@@ -42,7 +43,7 @@ def track(path, inverse=None, until_s=inf):
             raise KeyboardInterrupt
 
     with Rig(load_rig("in-process")) as rig:
-        experiment = reference, model, rig.nominal_balance, inverse or HysteresisInverse(model)
+        experiment = reference, WireModel(model, rig.nominal_balance), inverse or HysteresisInverse(model)
         with record_tracking(path, rig, *experiment) as recorder:
             rig.track(*experiment, record)
 

@@ -30,6 +30,7 @@ from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import Fault
+from smadrive.wire.wire_model import WireModel
 
 WIRE = DuhemModel.gaussian(
     mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
@@ -42,7 +43,7 @@ def logs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("logs")
     with Rig(load_rig("in-process")) as rig:
         reference = sine(low_mm=1.0, high_mm=8.0, period_s=40.0, cycles=1.0).with_approach(0.0, 5.0)
-        experiment = reference, WIRE, rig.nominal_balance, HysteresisInverse(WIRE)
+        experiment = reference, WireModel(WIRE, rig.nominal_balance), HysteresisInverse(WIRE)
         with record_tracking(folder / "complete.h5", rig, *experiment, seed="0") as recorder:
             rig.track(*experiment, recorder.tick)
             shutil.copy(folder / "complete.h5", folder / "killed.h5")

@@ -18,7 +18,7 @@ from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import CLEAR, Fault
-from smadrive.wire.wire_model import travel_mm
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 
 class Bench:
@@ -81,7 +81,7 @@ def test_the_inverse_tracks_ten_times_better_than_the_plain_map(excited, tmp_pat
     errors = []
     for name, inverse in (("inverse", HysteresisInverse(model)), ("plain", plain)):
         path = tmp_path / f"{name}.h5"
-        experiment = reference, model, balance, inverse
+        experiment = reference, WireModel(model, balance), inverse
         with Rig(load_rig("in-process")) as rig, record_tracking(path, rig, *experiment) as recorder:
             loop = rig.track(*experiment, recorder.tick)
         figures = tracking_metrics(read_log(path), loop)
@@ -105,7 +105,7 @@ def test_the_same_tracking_twice_gives_the_same_log(excited, tmp_path):
     reference = sine(low_mm=3.0, high_mm=8.0, period_s=28.0, cycles=1.0).with_approach(cold_mm, 5.0)
     paths = tmp_path / "first.h5", tmp_path / "second.h5"
     for path in paths:
-        experiment = reference, model, wire.thermal.balance, HysteresisInverse(model)
+        experiment = reference, WireModel(model, wire.thermal.balance), HysteresisInverse(model)
         with Rig(load_rig("in-process")) as rig, record_tracking(path, rig, *experiment) as recorder:
             assert rig.track(*experiment, recorder.tick).ticks > 600
     assert_same_log(*paths)
@@ -169,7 +169,7 @@ def track(rig, excited, record):
     wire = excited[1]
     model = wire.hysteresis.model
     reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1).with_approach(travel_mm(model)[0], 10.0)
-    return rig.track(reference, model, wire.thermal.balance, HysteresisInverse(model), record)
+    return rig.track(reference, WireModel(model, wire.thermal.balance), HysteresisInverse(model), record)
 
 
 def test_dead_bus_trips_unconfirmed_and_the_watchdog_switches_off(bench):

@@ -19,7 +19,7 @@ from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record, nominal_balance
 from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import Fault
-from smadrive.wire.wire_model import travel_mm
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 PROFILES = {"supply": "riden-rd60xx", "reader": "autonics-tk", "laser": "baumer-om20"}
 
@@ -159,7 +159,7 @@ def test_wire_on_a_supply_is_identified_and_tracked_from_cold(tmp_path):
     assert balance.thermocouple_lag_s == pytest.approx(wire.thermocouple.lag_s, abs=0.05)
     assert balance.heat_capacity_j_per_k == pytest.approx(wire.wire.heat_capacity_j_per_k, rel=0.05)
     reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1.5).with_approach(travel_mm(model)[0], 10.0)
-    experiment = (reference, model, balance, HysteresisInverse(model))
+    experiment = reference, WireModel(model, balance), HysteresisInverse(model)
     with Rig(bench_supply) as rig, record_tracking(run, rig, *experiment) as recorder:
         loop = rig.track(*experiment, recorder.tick)
     tracked = read_log(run)

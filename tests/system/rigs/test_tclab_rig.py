@@ -29,7 +29,7 @@ from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record, nominal_balance
 from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import Fault
-from smadrive.wire.wire_model import travel_mm
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 SIM = "sim://flexinol-lt-0.15mm"
 BOARD = {"name": "board", "profile": "tclab", "url": SIM, "full_scale_a": 1.0, "full_scale_v": 16.5}
@@ -56,7 +56,7 @@ def test_wire_on_a_tclab_is_excited_identified_and_tracked(tmp_path):
     cold_mm, hot_mm = travel_mm(model)
     low_mm, high_mm = (cold_mm + part * (hot_mm - cold_mm) for part in (0.2, 0.8))
     reference = sine(low_mm=low_mm, high_mm=high_mm, period_s=56.0, cycles=1.5).with_approach(cold_mm, 10.0)
-    experiment = reference, model, wire.thermal.balance, HysteresisInverse(model)
+    experiment = reference, WireModel(model, wire.thermal.balance), HysteresisInverse(model)
     with Rig(rig_of(BOARD, LASER)) as rig, record_tracking(tracked, rig, *experiment) as recorder:
         loop = rig.track(*experiment, recorder.tick)
     figures = tracking_metrics(read_log(tracked), loop)

@@ -43,7 +43,7 @@ class BlindRig:
         self.disturbed = False
         inverse = HysteresisInverse(wire.model)
         with self.rig as rig:
-            return rig.track(reference, wire.model, wire.heat_balance, inverse, record, None, wire.resistance, source)
+            return rig.track(reference, wire.wire_model(), inverse, record, displacement_from=source)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -13,6 +13,7 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.safety.faults import Fault
 from smadrive.safety.shutdown import shutdown_of
+from smadrive.wire.wire_model import WireModel
 from tests.on_bench import rig_on
 
 SIM = "flexinol-lt-0.15mm"
@@ -144,7 +145,10 @@ def test_a_single_sample_without_power_ends_no_tracking_run(scene, fault):
     reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=0.25).with_approach(0.0, 10.0)
     with scene.rig as rig:
         rig.track(
-            reference, WIRE, rig.nominal_balance, HysteresisInverse(WIRE), scene.record(fault, for_s=1.5 * PERIOD_S)
+            reference,
+            WireModel(WIRE, rig.nominal_balance),
+            HysteresisInverse(WIRE),
+            scene.record(fault, for_s=1.5 * PERIOD_S),
         )
     unknown = [tick for tick in scene.ticks if tick.measurement.supply_fault is not None]
     assert 1 <= len(unknown) <= 2

@@ -1,5 +1,6 @@
 """A servo holds the wire and moves it to setpoints that the script gives while the loop runs."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 import smadrive
 from smadrive.errors import ConfigError, MotionError, SafetyError, TripError
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.wire.identified_wire import load_wire
@@ -159,3 +161,31 @@ def test_closing_the_rig_ends_its_servo(wire, tmp_path):
         servo.move(3.0).wait()
     assert not servo.is_running
     assert servo.run.log.ended_by == ""
+
+
+@pytest.fixture
+def blind():
+    """A rig file without a displacement sensor, which takes the displacement from the resistance."""
+    config = load_rig("in-process")
+    board = config.devices[0].model_copy(update={"measures": ("temperature",)})
+    return config.model_copy(update={"devices": (board,), "displacement_from": DisplacementFrom.RESISTANCE})
+
+
+def test_servo_takes_the_displacement_from_the_resistance(blind, wire, tmp_path):
+    with smadrive.open_rig(blind) as rig, rig.servo(wire, tmp_path / "servo.h5") as servo:
+        for setpoint_mm in (8.0, 5.0):
+            servo.move(setpoint_mm, tolerance_mm=0.2, settle_s=1.0).wait()
+    uses = servo.run.log.columns["uses_resistance"]
+    assert uses[-20:].all()
+    assert abs(servo.run.log.columns["by_resistance_mm"][-1] - 5.0) < 0.6
+
+
+def test_servo_by_resistance_needs_the_resistance_of_the_wire(blind, wire, tmp_path):
+    without = replace(wire, resistance=None)
+    with (
+        smadrive.open_rig(blind) as rig,
+        pytest.raises(ConfigError) as refused,
+        rig.servo(without, tmp_path / "servo.h5"),
+    ):
+        pass
+    assert refused.value.where == "displacement_from"

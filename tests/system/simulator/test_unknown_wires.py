@@ -19,7 +19,7 @@ from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.wire import WireFit, identify_wire
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
-from smadrive.wire.wire_model import travel_mm
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 
 class RandomWire(NamedTuple):
@@ -90,8 +90,7 @@ def test_wire_is_tracked_within_the_targets(wire, sensor):
     with simulated.rig as rig:
         rig.track(
             reference,
-            model,
-            balance,
+            WireModel(model, balance),
             HysteresisInverse(model),
             lambda tick: rows.append((tick.time_s, tick.command.setpoint_mm, simulated.plant.displacement_mm)),
         )

@@ -15,6 +15,7 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.config_checks import check_same_wire
 from smadrive.rig.rig import Rig
 from smadrive.wire.data_sheet import load_data_sheet
+from smadrive.wire.wire_model import WireModel
 
 NAME = "flexinol-lt-0.15mm"
 NOMINAL = load_data_sheet(NAME).heat_balance()
@@ -90,6 +91,6 @@ def test_rig_does_not_heat_with_the_balance_of_another_wire():
         pytest.raises(ConfigError, match="thermocouple_lag_s"),
         Rig(load_rig("in-process"), transports={"board": device.transport(clock)}) as rig,
     ):
-        rig.track(reference, WIRE, slow, HysteresisInverse(WIRE), lambda tick: None)
+        rig.track(reference, WireModel(WIRE, slow), HysteresisInverse(WIRE), lambda tick: None)
     assert heated_a
     assert max(heated_a) == 0.0

@@ -20,6 +20,7 @@ from smadrive.runs.log.old_layouts import COLUMNS_OF_1, LAYOUT
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.replay import replay
 from smadrive.runs.run_log import record_tracking
+from smadrive.wire.wire_model import WireModel
 
 WIRE = DuhemModel.gaussian(
     mu_heating=93, mu_cooling=71, sigma_heating=6, sigma_cooling=6, scale=11, input_range=(20, 130)
@@ -32,7 +33,7 @@ def tracked(tmp_path_factory):
     path = tmp_path_factory.mktemp("tracked") / "run.h5"
     reference = sine(low_mm=1.0, high_mm=8.0, period_s=10.0, cycles=0.5).with_approach(0.0, 2.0)
     with Rig(load_rig("in-process")) as rig:
-        experiment = reference, WIRE, rig.nominal_balance, HysteresisInverse(WIRE)
+        experiment = reference, WireModel(WIRE, rig.nominal_balance), HysteresisInverse(WIRE)
         with record_tracking(path, rig, *experiment, seed="0") as recorder:
             rig.track(*experiment, recorder.tick)
             recorder.event("an event")
