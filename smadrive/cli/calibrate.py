@@ -132,6 +132,7 @@ def _ask(text: str) -> None:
     """Wait for Enter. DataError when the input has ended."""
     print(text, end="", file=sys.stderr, flush=True)
     if not sys.stdin.readline():
+        print(file=sys.stderr)
         raise DataError(
             "the point was not confirmed",
             where="stdin",

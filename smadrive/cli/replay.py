@@ -86,10 +86,10 @@ def _print_differences(output: Output, again: Replay, predictions: dict[str, flo
 def _rows(again: Replay) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for name, difference in again.differences.items():
-        unit = COLUMNS[name].difference_unit
+        unit = f" {COLUMNS[name].difference_unit}".removesuffix(" 1")
         if isfinite(difference.first_s):
             rows.append(
-                (name, f"{difference.max:.3g} {unit}", f"{difference.rms:.3g} {unit}", f"{difference.first_s:.2f} s")
+                (name, f"{difference.max:.3g}{unit}", f"{difference.rms:.3g}{unit}", f"{difference.first_s:.2f} s")
             )
         else:
             rows.append((name, "none", "none", "never"))

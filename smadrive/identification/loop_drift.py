@@ -16,7 +16,8 @@ the reading, and its slope corrects the lag. So neither a draft nor a wrong heat
 
 The noise of the reading moves the turning points, and a wrong turning point makes the whole inner loop wrong. So the
 standard errors also contain this noise: as a shift of the temperature in the errors of d₊ and d₋, and as the RMS change
-of the displacement by this shift in the error of s.
+of the displacement by this shift in the error of s. A run that does not reach the ends of the travel extrapolates the
+stroke with the model, so the error of s also contains that of the model, `MODEL_ERROR`.
 """
 
 from __future__ import annotations
@@ -49,6 +50,9 @@ MOST_SAMPLES = 1500
 
 LEAST_TRAVEL = 0.1
 """A path along which the model travels less than this share of its stroke does not show the loop."""
+
+MODEL_ERROR = 0.01
+"""Error of the stroke by the shape of the identified branches, as a share. The runs of one wire differ by as much."""
 
 ITERATIONS = 2
 DIFFERENCE_C = 0.5
@@ -113,7 +117,7 @@ def fit_loop_drift(
         drift, covariance = _estimate(jacobian, (moved_mm - base_mm) / stroke_mm + jacobian @ drift, prior)
     heating_k, cooling_k, share, _ = drift.tolist()
     unsure = np.array([noise_c, noise_c, SHIFT * noise_c / min(before.sigma_heating, before.sigma_cooling)])
-    errors = np.hypot(np.sqrt(np.diag(covariance))[:3], unsure).tolist()
+    errors = np.sqrt(np.diag(covariance)[:3] + unsure**2 + np.array([0.0, 0.0, MODEL_ERROR]) ** 2).tolist()
     return LoopDrift(heating_k, cooling_k, share, (errors[0], errors[1], errors[2]), model_percent)
 
 

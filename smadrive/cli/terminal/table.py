@@ -41,11 +41,12 @@ def fitted_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: se
 
 def list_lines(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Yield the table as lines: a row of two columns is one line, a longer row has one line for each cell."""
+    title = f"{header[0]}: " if header[0] else ""
     for first, *others in rows:
         if len(others) == 1:
             yield f"{first}: {others[0]}"
             continue
-        yield first or header[0]
+        yield f"{title}{first}" if first else header[0]
         yield from (f"  {name}: {cell}" if name else f"  {cell}" for name, cell in zip(header[1:], others, strict=True))
 
 

@@ -23,7 +23,7 @@ MODEL = "model: "
 BALANCE = "heat balance: "
 """The names of the values of a model, and of its heat balance, begin with these texts."""
 
-PLAIN = ("inverse", "controller", "seed", "machine")
+PLAIN = ("inverse", "controller", "displacement_from", "seed", "machine")
 """Names of the metadata texts that are shown as settings without a change."""
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from smadrive.display.card import count_text, quantity
 from smadrive.errors import DataError, SmadriveError
 from smadrive.files.kinds import MODEL
 from smadrive.rig.config import FeedbackConfig
@@ -115,9 +116,9 @@ def health_rows(health: WireHealth) -> Iterator[tuple[str, ...]]:
         title, unit = NAMES[name]
         yield (
             title,
-            f"{drift.before.value:.4g} {unit}",
-            f"{drift.now.value:.4g} {unit}",
-            f"{drift.change.value:+.2g} ± {drift.change.error:.1g} {unit.replace('°C', 'K')}",
+            quantity(drift.before.value, 2, unit),
+            quantity(drift.now.value, 2, unit),
+            f"{drift.change.value:+.2f} ± {drift.change.error:.2f} {unit.replace('°C', 'K')}",
             _error_text(drift),
         )
 
@@ -126,13 +127,14 @@ def _error_text(drift: Drift) -> str:
     """Return the tracking error of a drift that counts, otherwise the reason why the drift does not count."""
     if drift.counts:
         return f"{drift.error_percent:.2g} %"
-    return "in the last run only" if drift.is_significant else "drift may be chance"
+    return "one run only" if drift.is_significant else "may be chance"
 
 
 def health_lines(health: WireHealth) -> Iterator[str]:
     """Yield the sentences about the health of a wire: verdict, runs, drift per 100 cycles, and moves of the models."""
     yield str(health)
-    yield f"{health.runs} runs and {health.cycles:.4g} cycles since the identification, {health.all_cycles:.4g} in all"
+    runs = count_text(health.runs, "run")
+    yield f"{runs} and {health.cycles:.4g} cycles since the identification, {health.all_cycles:.4g} in all"
     for name, drift in health.drifts.items():
         if drift.counts and abs(drift.per_cycle.value) > SIGNIFICANT * drift.per_cycle.error:
             title, unit = NAMES[name]

@@ -105,11 +105,11 @@ def loop_shape(model: IdentifiedModel, identified: IdentifiedModel | None = None
     With `identified`, the middle is taken from the travel of `identified`. Use this for an adapted model: few runs
     visit the ends of the branches, so the ends of an adapted model are uncertain.
     """
-    v = np.linspace(*model.input_range, POINTS)
+    v, (cold_mm, hot_mm) = np.linspace(*model.input_range, POINTS), travel_mm(model)
     middle_mm = 0.5 * sum(travel_mm(identified or model))
     middle = (middle_mm - model.offset) / model.scale
     heating_c, cooling_c = (float(np.interp(middle, model.branch(v, rising=rising), v)) for rising in (True, False))
-    return LoopShape(heating_c, cooling_c, abs(model.scale))
+    return LoopShape(heating_c, cooling_c, abs(hot_mm - cold_mm))
 
 
 def cycles_of_path(moved_mm: FloatArray, stroke_mm: float) -> float:

@@ -70,6 +70,7 @@ class Page:
         numbers = LiveNumbers(period_s, lambda row: tracking_numbers(row, self._plots.stroke_mm))
         self._samples = LiveSamples(clients.channel, self._plots, self._view, numbers, period_s)
         self._note = ""
+        self._fits: dict[Future[IdentifiedWire], float] = {}
         self._seen_on_plane = max(0, clients.channel.written - POINTS)
         self._shown: dict[str, Any] = {}
         self._frame = 0
@@ -91,6 +92,8 @@ class Page:
 
     def _draw_state(self) -> None:
         status = self._clients.status
+        for fitting in [one for one in self._fits if one.done()]:
+            self._fitted(self._fits.pop(fitting), fitting)
         controls = self._has_token and self._clients.claim(self._client)
         self._seen_on_plane, rows = self._clients.channel.since(self._seen_on_plane)
         if rows.size:
@@ -174,7 +177,7 @@ class Page:
         self._show_knobs(self._clients.status["tuning"], now=True)
 
     def _fit(self, seconds: float) -> None:
-        """Begin to fit a model to the last `seconds`. When it is fitted, `_fitted` sends the model as a request."""
+        """Begin to fit a model to the last `seconds`. After the fit, `_draw_state` sends the model as a request."""
         (_, rows), wire = self._clients.channel.since(0), self._clients.status["tuning"]["wire"]
         try:
             fitting = self._fitter.fit(rows, seconds, wire)
@@ -182,7 +185,7 @@ class Page:
             self._report_unfitted(str(error))
             return
         self._note = f"fitting the last {seconds:g} s …"
-        fitting.add_done_callback(lambda done: self._doc.add_next_tick_callback(partial(self._fitted, seconds, done)))
+        self._fits[fitting] = seconds
 
     def _fitted(self, seconds: float, fitting: Future[IdentifiedWire]) -> None:
         try:
