@@ -11,18 +11,20 @@ A displacement beyond the travel of the model, by more than m, is impossible at 
 thermocouple cannot explain it. Such a displacement shows a reversed sensor or a wrong unit early.
 
 The displacement also limits the temperature of the wire from above, whatever the thermocouple reads: a wire that is not
-fully transformed is colder than the heating branch at this displacement, T₊(y + m) + δ.
+fully transformed is colder than the heating branch at this displacement, T₊(y + m) + δ. In the same way a wire that is
+transformed is warmer than the cooling branch, T₋(y - m) - δ.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from math import inf, isfinite
 
 import numpy as np
 
 from smadrive.hysteresis import HysteresisModel
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
+from smadrive.safety.temperature_band import UNBOUNDED, AtLeast
 
 UNSURE_C = 10.0
 """δ: the largest difference between the temperature of the wire and the reading of the thermocouple, K."""
@@ -48,6 +50,7 @@ class DisplacementBand:
         margin_mm = MARGIN * float(np.ptp(loop_mm))
         self._sense = 1.0 if loop_mm[POINTS - 1] >= loop_mm[0] else -1.0
         self._rising_mm = np.maximum.accumulate(self._sense * branches_mm[0]).tolist()
+        self._falling_mm = np.maximum.accumulate(self._sense * branches_mm[1]).tolist()
         self._warming_c, self._margin_mm = warming_c.tolist(), margin_mm
         self._travel_mm = float(loop_mm.min()) - margin_mm, float(loop_mm.max()) + margin_mm
         self._branches = [PiecewiseLinear(warming_c, branch_mm) for branch_mm in branches_mm]
@@ -79,6 +82,18 @@ class DisplacementBand:
         """
         above = bisect_right(self._rising_mm, self._sense * displacement_mm + self._margin_mm)
         return self._warming_c[above] + UNSURE_C if above < POINTS and isfinite(displacement_mm) else inf
+
+    def at_least(self, displacement_mm: float) -> AtLeast:
+        """Return the lowest possible temperature and phase of a wire at `displacement_mm`.
+
+        The result is `UNBOUNDED` if the wire may be fully martensite at this displacement, and for NaN.
+        """
+        least_mm = self._sense * displacement_mm - self._margin_mm
+        below = bisect_left(self._falling_mm, least_mm)
+        if not below or not isfinite(displacement_mm):
+            return UNBOUNDED
+        cold_mm, hot_mm = self._falling_mm[0], self._falling_mm[-1]
+        return AtLeast(self._warming_c[min(below, POINTS - 1)] - UNSURE_C, (least_mm - cold_mm) / (hot_mm - cold_mm))
 
     def nearest_mm(self, temperature_c: float, displacement_mm: float) -> float:
         """Return `displacement_mm`, clamped to the range between the branches of the model at `temperature_c`."""

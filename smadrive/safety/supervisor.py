@@ -16,7 +16,7 @@ from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Contradiction, Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
-from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
+from smadrive.safety.temperature_band import FROZEN_C, UNBOUNDED, AtLeast, TemperatureBand
 from smadrive.safety.temperature_by_resistance import TemperatureByResistance
 
 LATE_TICKS = 20
@@ -154,8 +154,9 @@ class Supervisor:
         if self._temperature_band is None:
             return
         reading_c = measurement.temperature_c
-        band = self._temperature_band.update(reading_c, self._power_w, dt_s)
-        is_cool = contradiction is None and self._is_cool(measurement)
+        at_least = self._at_least(measurement) if contradiction is None else UNBOUNDED
+        band = self._temperature_band.update(reading_c, self._power_w, dt_s, at_least)
+        is_cool = contradiction is None and self._is_cool(measurement, band.hottest_c)
         if band.coldest_c > self._limits.temperature_max_c and not is_cool:
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
@@ -168,13 +169,21 @@ class Supervisor:
             detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"
             self._raise(fault, measurement.time_s, detail)
 
-    def _is_cool(self, measurement: Measurement) -> bool:
+    def _at_least(self, measurement: Measurement) -> AtLeast:
+        """Return the lowest possible temperature and phase by the displacement, or else by the resistance."""
+        if not isfinite(measurement.displacement_mm):
+            return UNBOUNDED if self._by_resistance is None else self._by_resistance.at_least()
+        band = self._displacement_band
+        return UNBOUNDED if band is None else band.at_least(measurement.displacement_mm)
+
+    def _is_cool(self, measurement: Measurement, hottest_c: float) -> bool:
         """Return True if the measured displacement, or else the resistance, excludes a wire above `temperature_max_c`.
 
-        A reading below the temperature band is then right if it belongs to the displacement: a draft cools the wire.
+        `hottest_c` is the greatest possible temperature of the wire by its heat input, °C. A reading below the
+        temperature band is then right if it belongs to the displacement: a draft cools the wire.
         """
         if not isfinite(measurement.displacement_mm):
-            return self._by_resistance is not None and self._by_resistance.excludes_limit()
+            return self._by_resistance is not None and self._by_resistance.excludes_limit(hottest_c)
         if self._displacement_band is None:
             return False
         return self._displacement_band.hottest_c(measurement.displacement_mm) <= self._limits.temperature_max_c

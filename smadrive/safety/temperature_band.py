@@ -10,8 +10,9 @@ hottest possible wire does the opposite:
 C is the heat capacity that each balance uses. m c, Q and h A are the heat capacity, the latent heat and the heat loss
 of the nominal heat balance, u_c and u_h the uncertainties of capacity and loss, and span is `TRANSFORMATION_C`. The
 reading must lie between the two temperatures, ± `MARGIN_C`; the lag of the thermocouple is applied to each of them only
-where this widens the band. The reading leaves the band if the bead falls off, if the thermocouple is reversed, or if
-the wire receives heat that is not measured.
+where this widens the band. A displacement or resistance that needs a warmer wire raises the temperature of the coldest
+wire; a wire of the phase ξ takes up only the share 1 - ξ of Q. The reading leaves the band if the bead falls off, if
+the thermocouple is reversed, or if the wire receives heat that is not measured.
 
 A frozen reading, which does not change even in its last digit, is detected sooner, from the power since its last
 change:
@@ -25,7 +26,7 @@ they are the same at both times. A large Δ with a constant reading is a fault.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
+from math import exp, inf
 from typing import NamedTuple
 
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
@@ -56,6 +57,17 @@ UNCERTAINTIES = {BalanceSource.DATA_SHEET: NOMINAL, BalanceSource.IDENTIFIED: ID
 """Uncertainty of a heat balance, by its source."""
 
 
+class AtLeast(NamedTuple):
+    """A lower bound of the wire's temperature, °C, and of its phase, by its displacement or by its resistance."""
+
+    temperature_c: float
+    phase: float
+
+
+UNBOUNDED = AtLeast(-inf, 0.0)
+"""No lower bound is known."""
+
+
 class Band(NamedTuple):
     """The limits of the reading and of the wire's temperature that follow from the heat input."""
 
@@ -65,6 +77,8 @@ class Band(NamedTuple):
     """The greatest possible reading of the thermocouple, °C."""
     coldest_c: float
     """The least possible temperature of the wire itself, °C."""
+    hottest_c: float
+    """The greatest possible temperature of the wire itself, °C."""
     unseen_c: float
     """The least possible temperature change of the wire since the reading last changed, K."""
 
@@ -76,7 +90,9 @@ class TemperatureBand:
     """
 
     def __init__(self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float) -> None:
-        slow = uncertainty.capacity * (balance.heat_capacity_j_per_k + balance.latent_heat_j / TRANSFORMATION_C)
+        self._capacity_j_per_k = uncertainty.capacity * balance.heat_capacity_j_per_k
+        self._latent_j_per_k = uncertainty.capacity * balance.latent_heat_j / TRANSFORMATION_C
+        slow = self._capacity_j_per_k + self._latent_j_per_k
         quick = balance.heat_capacity_j_per_k / uncertainty.capacity
         most_w_per_k, least_w_per_k = balance.loss_w_per_k * uncertainty.loss, balance.loss_w_per_k / uncertainty.loss
         self._ambient_c = balance.ambient_c
@@ -93,16 +109,17 @@ class TemperatureBand:
         self._low_c = self._high_c = reading_c
         self._changed(reading_c, 0.0)
 
-    def update(self, reading_c: float, power_w: float, dt_s: float) -> Band:
+    def update(self, reading_c: float, power_w: float, dt_s: float, at_least: AtLeast = UNBOUNDED) -> Band:
         """Return the band after `dt_s` of heating with `power_w`; the thermocouple now reads `reading_c`."""
-        coldest_c = self._coldest.step(power_w, dt_s)
+        self._coldest.warming_j_per_k = self._capacity_j_per_k + (1.0 - at_least.phase) * self._latent_j_per_k
+        coldest_c = max(self._coldest.step(power_w, dt_s), at_least.temperature_c)
+        self._coldest.temperature_c = coldest_c
         hottest_c = self._hottest.step(power_w, dt_s)
         follow = 1.0 - exp(-dt_s / self._lag_s) if self._lag_s > 0 else 1.0
         self._low_c = min(self._low_c + follow * (coldest_c - self._low_c), coldest_c)
         self._high_c = max(self._high_c + follow * (hottest_c - self._high_c), hottest_c)
-        return Band(
-            self._low_c - MARGIN_C, self._high_c + MARGIN_C, coldest_c, self._unseen_c(reading_c, power_w, dt_s)
-        )
+        unseen_c = self._unseen_c(reading_c, power_w, dt_s)
+        return Band(self._low_c - MARGIN_C, self._high_c + MARGIN_C, coldest_c, hottest_c, unseen_c)
 
     def _unseen_c(self, reading_c: float, power_w: float, dt_s: float) -> float:
         if reading_c != self._reading_c:
@@ -124,15 +141,16 @@ class _Wire:
 
     def __init__(self, loss_w_per_k: float, *, warming_j_per_k: float, cooling_j_per_k: float) -> None:
         self._loss_w_per_k = loss_w_per_k
-        self._warming_j_per_k = warming_j_per_k
+        self.warming_j_per_k = warming_j_per_k
         self._cooling_j_per_k = cooling_j_per_k
 
     def start(self, temperature_c: float, ambient_c: float) -> None:
-        self._temperature_c = temperature_c
+        self.temperature_c = temperature_c
         self._ambient_c = ambient_c
 
     def step(self, power_w: float, dt_s: float) -> float:
         settled_c = self._ambient_c + power_w / self._loss_w_per_k
-        capacity = self._warming_j_per_k if settled_c > self._temperature_c else self._cooling_j_per_k
-        self._temperature_c = settled_c + (self._temperature_c - settled_c) * exp(-dt_s * self._loss_w_per_k / capacity)
-        return self._temperature_c
+        capacity = self.warming_j_per_k if settled_c > self.temperature_c else self._cooling_j_per_k
+        decayed_c = (self.temperature_c - settled_c) * exp(-dt_s * self._loss_w_per_k / capacity)
+        self.temperature_c = settled_c + decayed_c
+        return self.temperature_c

@@ -19,14 +19,17 @@ resistance of an earlier time.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
 from math import exp, inf, isfinite, sqrt
 
 import numpy as np
 
 from smadrive.measurement import Measurement
+from smadrive.numerics.piecewise_linear import PiecewiseLinear
 from smadrive.safety.displacement_band import UNSURE_C, DisplacementBand
 from smadrive.safety.resistance_band import current_min_a
+from smadrive.safety.temperature_band import UNBOUNDED, AtLeast
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
@@ -36,8 +39,8 @@ MEAN_S = 0.2
 MARGIN = 0.01
 """Largest error of the resistance apart from its noise, for example by the leads, as a share."""
 
-BEYOND_C, POINTS = 20.0, 20
-"""The largest resistance of a transformed wire is looked up at this number of temperatures, up to T_max + BEYOND_C."""
+BEYOND_C, POINTS = 300.0, 200
+"""Resistances are looked up at this number of temperatures, up to T_max + `BEYOND_C`."""
 
 
 class TemperatureByResistance:
@@ -58,7 +61,11 @@ class TemperatureByResistance:
         self._wire, self._resistance, self._band, self._is_used = wire, resistance, displacement_band, is_used
         self._least_a = current_min_a(current_max_a)
         hot_c = np.linspace(temperature_max_c, temperature_max_c + BEYOND_C, POINTS).tolist()
-        self._hot_ohm = max(ohm for one_c in hot_c for ohm in self._ohms(one_c, self._transformed_mm(one_c)))
+        most_ohm = [max(self._ohms(one_c, self._transformed_mm(one_c))) for one_c in hot_c]
+        self._hot_ohm = PiecewiseLinear(hot_c, np.maximum.accumulate(most_ohm))
+        self._warming_c = np.linspace(wire.model.input_range[0], temperature_max_c, POINTS).tolist()
+        least_ohm = [min(self._ohms(one_c, displacement_band.band_mm(one_c))) for one_c in self._warming_c]
+        self._falling_ohm = np.minimum.accumulate(least_ohm)[::-1].tolist()
         self._power_w, self._squares_a2, self._time_s, self._now_s = 0.0, 0.0, -inf, 0.0
 
     def update(self, measurement: Measurement) -> None:
@@ -77,12 +84,30 @@ class TemperatureByResistance:
         """True while the mean resistance belongs to the present time."""
         return self._now_s - self._time_s <= MEAN_S
 
-    def excludes_limit(self) -> bool:
-        """Return True if the wire must be colder than `temperature_max_c`; False before the first measurement."""
+    def excludes_limit(self, hottest_c: float) -> bool:
+        """Return True if the wire must be colder than `temperature_max_c`; False before the first measurement.
+
+        `hottest_c` is the greatest possible temperature of the wire by its heat input, °C.
+        """
         if not (self._squares_a2 and self._is_used()):
             return False
         ohm, sure_ohm = self._measured()
-        return ohm - sure_ohm > self._hot_ohm
+        return ohm - sure_ohm > self._hot_ohm.at(hottest_c)
+
+    def at_least(self) -> AtLeast:
+        """Return the lowest temperature and phase at which the wire can have this resistance.
+
+        The result is `UNBOUNDED` if a cold wire can have it, and while the resistance is not measured.
+        """
+        if not (self.is_measured and self._is_used()):
+            return UNBOUNDED
+        ohm, sure_ohm = self._measured()
+        warmer = POINTS - bisect_right(self._falling_ohm, ohm + sure_ohm)
+        if not warmer:
+            return UNBOUNDED
+        least_c = self._warming_c[min(warmer, POINTS - 1)]
+        phase = self._resistance.phase(ohm + sure_ohm, least_c, start=1.0)
+        return AtLeast(least_c, min(max(phase, 0.0), 1.0) if isfinite(phase) else 0.0)
 
     def outside(self, temperature_c: float) -> str | None:
         """Return a text if the resistance does not belong to the reading `temperature_c`, otherwise None.

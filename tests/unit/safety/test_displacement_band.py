@@ -32,6 +32,9 @@ def test_wire_of_any_history_is_within_its_band(turns, scale):
             assert low <= 1.0 + aged * (y - 1.0) <= high
         for share in (1.0 / aged, aged):
             assert at_c + 0.9 * UNSURE_C <= placed.hottest_c(1.0 + share * (y - 1.0))
+            least = placed.at_least(1.0 + share * (y - 1.0))
+            assert least.temperature_c <= at_c - 0.9 * UNSURE_C
+            assert least.phase <= (y - 1.0) / scale + 1e-9
 
 
 @pytest.mark.parametrize("scale", [12.0, -3.0])

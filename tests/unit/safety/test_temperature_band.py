@@ -1,7 +1,7 @@
 """The reading against the heat input: no healthy wire trips, and no faulty sensor hides a hot wire."""
 
 from dataclasses import replace
-from math import sin
+from math import nan, sin
 
 import pytest
 from hypothesis import given, settings
@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
+from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
@@ -20,14 +21,21 @@ TICK_S = 0.05
 FACTOR = st.floats(0.75, 1.33)
 
 
+def loop(sigma):
+    return DuhemModel.gaussian(
+        mu_heating=90, mu_cooling=69, sigma_heating=sigma, sigma_cooling=sigma, scale=1, input_range=(-50, 400)
+    )
+
+
+LOOP = loop(sigma=5.0)
+
+
 class Wire:
     """A wire with a thermocouple, whose phase follows a Duhem loop."""
 
     def __init__(self, balance, sigma=5.0):
         self.balance = balance
-        self.loop = DuhemModel.gaussian(
-            mu_heating=90, mu_cooling=69, sigma_heating=sigma, sigma_cooling=sigma, scale=1, input_range=(-50, 400)
-        )
+        self.loop = loop(sigma)
         self.temperature_c = self.reading_c = balance.ambient_c
         self.state = self.loop.initial_state(self.temperature_c)
 
@@ -42,17 +50,21 @@ class Wire:
         return self.reading_c
 
 
-def supervised(balance, uncertainty=NOMINAL, maximum_c=135.0):
+def supervised(balance, uncertainty=NOMINAL, maximum_c=135.0, displacement_band=None):
     lag_s = 3 * balance.thermocouple_lag_s
-    return Supervisor(SafetyLimits(maximum_c), TemperatureBand(balance, uncertainty, lag_s))
+    return Supervisor(SafetyLimits(maximum_c), TemperatureBand(balance, uncertainty, lag_s), displacement_band)
 
 
-def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c):
-    """Heat the wire, and pass its reading through `read` to the supervisor; return the trip or None."""
+def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c, sees=False):
+    """Heat the wire, and pass its reading through `read` to the supervisor; return the trip or None.
+
+    With `sees`, a sensor measures the displacement.
+    """
     supervisor.check_may_arm(Measurement(0.0, wire.reading_c, 0.0, 0.0))
     for n, power_w in enumerate(powers_w, start=1):
         reading_c = read(n, wire.heat(power_w))
-        sample = Measurement(n * TICK_S, reading_c, power_w, 1.0, in_force_a=power_w, armed=True)
+        seen_mm = wire.state.y if sees else nan
+        sample = Measurement(n * TICK_S, reading_c, power_w, 1.0, seen_mm, in_force_a=power_w, armed=True)
         if trip := supervisor.update(sample, float("nan")):
             return trip
     return None
@@ -67,8 +79,11 @@ def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c):
     lag_s=st.floats(0.0, 0.25),
     ambient_c=st.floats(15.0, 29.0),
     powers=st.lists(st.tuples(st.floats(0.0, 1.3), st.integers(1, 80)), min_size=3, max_size=12),
+    sees=st.booleans(),
 )
-def test_healthy_wire_of_any_allowed_parameters_does_not_trip(capacity, loss, latent, sigma, lag_s, ambient_c, powers):
+def test_healthy_wire_of_any_allowed_parameters_does_not_trip(
+    capacity, loss, latent, sigma, lag_s, ambient_c, powers, sees
+):
     """The powers go up to the power that holds the hottest wire at its limit, with bursts far above."""
     true = replace(
         NOMINAL_BALANCE,
@@ -79,7 +94,22 @@ def test_healthy_wire_of_any_allowed_parameters_does_not_trip(capacity, loss, la
         ambient_c=ambient_c,
     )
     steps = [power_w for power_w, ticks in powers for _ in range(ticks)]
-    assert run(supervised(NOMINAL_BALANCE, maximum_c=400.0), Wire(true, sigma), steps) is None
+    supervisor = supervised(NOMINAL_BALANCE, maximum_c=400.0, displacement_band=DisplacementBand(LOOP))
+    assert run(supervisor, Wire(true, sigma), steps, sees=sees) is None
+
+
+def test_loose_bead_on_a_transformed_wire_trips_sooner_with_its_displacement():
+    """The wire is cold by its heat input alone, because its current was zero for some time."""
+
+    def hottest_c(sees):
+        wire = Wire(NOMINAL_BALANCE)
+        supervisor = supervised(NOMINAL_BALANCE, IDENTIFIED, 135.0, DisplacementBand(LOOP))
+        powers_w = [1.2] * 120 + [0.0] * 20 + [2.5] * 200
+        trip = run(supervisor, wire, powers_w, lambda n, c: c if n < 140 else 0.5 * (c + 22.0), sees)
+        assert trip.fault in (Fault.READS_TOO_COLD, Fault.OVER_TEMPERATURE)
+        return wire.temperature_c
+
+    assert hottest_c(sees=True) < 0.8 * hottest_c(sees=False)
 
 
 @pytest.mark.parametrize("uncertainty", [NOMINAL, IDENTIFIED])

@@ -11,7 +11,7 @@ from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
-from smadrive.safety.temperature_band import IDENTIFIED, TemperatureBand
+from smadrive.safety.temperature_band import IDENTIFIED, UNBOUNDED, TemperatureBand
 from smadrive.safety.temperature_by_resistance import TemperatureByResistance
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
@@ -25,6 +25,7 @@ AUSTENITE_OHM = (16.0, 16.5, 17.0)
 RESISTANCE = WireResistance(22.0, 17.0, 0.008, 0.04, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), AUSTENITE_OHM)
 WIRE = WireModel(MODEL, BALANCE, RESISTANCE)
 MOST_C = 135.0
+HOTTEST_C = 150.0
 LIMITS = SafetyLimits(temperature_max_c=MOST_C, stale_after_s=0.3, current_tolerance_a=0.05, contradicts_for_s=2.0)
 
 
@@ -45,10 +46,36 @@ def sample(wire_c, phase, n=0, reading_c=None, current_a=0.3, displacement_mm=na
 )
 def test_only_a_wire_that_is_not_transformed_is_colder_than_the_limit(wire_c, phase, excluded):
     judged = by_resistance()
-    assert not judged.excludes_limit()
+    assert not judged.excludes_limit(HOTTEST_C)
     for n in range(10):
         judged.update(sample(wire_c, phase, n))
-    assert judged.excludes_limit() is excluded
+    assert judged.excludes_limit(HOTTEST_C) is excluded
+
+
+def test_hot_wire_is_not_excluded_however_hot_its_heat_input_may_have_made_it():
+    judged = by_resistance()
+    for n in range(10):
+        judged.update(sample(240.0, 1.0, n))
+    assert judged.excludes_limit(hottest_c=140.0)
+    assert not judged.excludes_limit(hottest_c=260.0)
+
+
+@pytest.mark.parametrize(("wire_c", "phase"), [(80.0, 0.9), (100.0, 1.0), (95.0, 0.6), (130.0, 1.0)])
+def test_resistance_bounds_temperature_and_phase_from_below(wire_c, phase):
+    judged = by_resistance()
+    assert judged.at_least() == UNBOUNDED
+    for n in range(10):
+        judged.update(sample(wire_c, phase, n))
+    least = judged.at_least()
+    assert 22.0 < least.temperature_c <= wire_c
+    assert 0.0 < least.phase <= phase
+
+
+def test_cold_wire_has_no_lower_bound():
+    judged = by_resistance()
+    for n in range(10):
+        judged.update(sample(40.0, 0.0, n))
+    assert judged.at_least() == UNBOUNDED
 
 
 def test_sample_with_a_small_current_or_without_a_voltage_keeps_the_last_result():
@@ -58,10 +85,10 @@ def test_sample_with_a_small_current_or_without_a_voltage_keeps_the_last_result(
     for n in range(10, 60):
         judged.update(sample(MOST_C, 1.0, n, current_a=0.04))
         judged.update(sample(MOST_C, 1.0, n)._replace(voltage_v=nan))
-    assert judged.excludes_limit()
+    assert judged.excludes_limit(HOTTEST_C)
     for n in range(60, 70):
         judged.update(sample(MOST_C, 1.0, n))
-    assert not judged.excludes_limit()
+    assert not judged.excludes_limit(HOTTEST_C)
 
 
 def test_resistance_belongs_to_a_right_reading_and_not_to_a_wrong_one():
@@ -113,10 +140,10 @@ def test_resistance_that_is_not_used_judges_nothing_until_it_is_used():
     judged = by_resistance(lambda: is_used[0])
     for n in range(10):
         judged.update(sample(30.0, 0.0, n))
-    assert not judged.excludes_limit()
+    assert not judged.excludes_limit(HOTTEST_C)
     assert judged.outside(110.0) is None
     is_used[0] = True
-    assert judged.excludes_limit()
+    assert judged.excludes_limit(HOTTEST_C)
     assert judged.outside(110.0) is not None
 
 
