@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import inf
 
 from smadrive.control.controllers.feedback import INTEGRATED_C, PIGains, TemperatureFeedback
-from smadrive.control.estimation.observer import WireEstimate
+from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.control.feedforward.displacement import Feedforward
 from smadrive.measurement import DisplacementFrom
 from smadrive.wire.wire_model import WireModel

@@ -19,17 +19,15 @@ gains are larger for a while.
 
 At a measured displacement the temperature lies between the branches of the loop. A correction beyond them is reduced:
 the displacement has much less noise than the temperature, so a small contradiction is an error of the temperature.
-
-The estimate is the whole state of an observer, so another observer can continue from it.
 """
 
 from __future__ import annotations
 
 from math import inf, isfinite, nan
-from typing import NamedTuple
 
 from smadrive.control.estimation.gain import GainTable
-from smadrive.control.estimation.innovation import DisturbanceEvidence, InnovationTest
+from smadrive.control.estimation.innovation import InnovationTest
+from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.hysteresis import HysteresisState
 from smadrive.hysteresis.reversal import Play
 from smadrive.wire.branch_temperatures import BranchTemperatures
@@ -74,27 +72,8 @@ LEAST_EXCESS_C = 5.0
 """Least difference from the ambient temperature, K, at which the power of a draft is proportional to the difference."""
 
 
-class WireEstimate(NamedTuple):
-    """The estimated state of the wire.
-
-    temperature_c    temperature of the wire, °C
-    thermocouple_c   temperature of the thermocouple, °C
-    hysteresis       state of the hysteresis model
-    disturbance_w    power that the heat balance does not explain, W
-    play             state of the dead band between the temperature and the hysteresis model
-    radius_c         radius of the dead band, K
-    evidence         state of the innovation test
-    shift_c          shift of the transformation, K: the input of the hysteresis model is the temperature minus this
-    """
-
-    temperature_c: float
-    thermocouple_c: float
-    hysteresis: HysteresisState
-    disturbance_w: float
-    play: Play
-    radius_c: float = 0.0
-    evidence: DisturbanceEvidence = DisturbanceEvidence()
-    shift_c: float = 0.0
+MOST_READ_C = 30.0
+"""Largest innovation of the thermocouple, K. A larger one is a wrong sample; the supervisor trips if it lasts."""
 
 
 class WireObserver:
@@ -160,10 +139,10 @@ class WireObserver:
         """
         if isfinite(displacement_mm):
             expected = self._predicted(before, power_w, dt_s, self._seeing_c)
-            read_c = reading_c - expected.thermocouple_c if isfinite(reading_c) else 0.0
+            read_c = _innovation_c(reading_c, expected.thermocouple_c)
             return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm or self._noise_mm)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
-        read_c = reading_c - thermocouple_c if isfinite(reading_c) else 0.0
+        read_c = _innovation_c(reading_c, thermocouple_c)
         evidence = self._test.by_reading(before.evidence, read_c, wire_c - thermocouple_c)
         correction = self._gains.by_reading(read_c, evidence.level)
         wire_c += correction.temperature_c
@@ -248,3 +227,8 @@ class WireObserver:
         """Return the change that brings the input of the hysteresis model between the branches at the output y, K."""
         outside_c = self._branches.nearest_c(input_c, y, MARGIN_NOISES * noise_mm) - input_c
         return min(max(outside_c, -MOST_REDUCED_C), MOST_REDUCED_C)
+
+
+def _innovation_c(reading_c: float, expected_c: float) -> float:
+    """Return the limited difference of the reading from its expected value, K; 0 without a reading."""
+    return min(max(reading_c - expected_c, -MOST_READ_C), MOST_READ_C) if isfinite(reading_c) else 0.0

@@ -21,7 +21,7 @@ from math import isfinite, nan, sqrt
 from typing import NamedTuple
 
 from smadrive.control.estimation.lead import TEMPERATURE_C, LeadChange
-from smadrive.control.estimation.observer import WireEstimate
+from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.measurement import Measurement
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import COLD_PHASE, cold_c, sense_current
@@ -36,6 +36,9 @@ SLOW_C_PER_S, FAST_C_PER_S = 12.0, 25.0
 The largest current during this measurement heats the wire at the first rate, or it is the sense current if that is
 larger. A sample does not count while the estimated temperature changes faster than the second rate.
 """
+
+MOST_JUMP = 0.3
+"""A sample that contradicts the known phase, or the range of the phase, by more than this share is wrong."""
 
 MOST_NOISE = 0.3
 """A displacement with a larger standard deviation, in strokes, is not used."""
@@ -61,6 +64,8 @@ class ResistanceSensor:
     def __init__(self, wire: WireModel, resistance: WireResistance) -> None:
         self._wire, self._resistance = wire, resistance
         self._ohm_per_k = _ohm_per_k(wire, resistance)
+        middle_c = sum(wire.model.input_range) / 2.0
+        self._most_jump_ohm = MOST_JUMP * abs(resistance.ohm(middle_c, 1.0) - resistance.ohm(middle_c, 0.0))
         self.cold_c = cold_c(wire, resistance)
         self.floor_a = sense_current(wire, resistance).current_a
         slow_w = SLOW_C_PER_S * wire.balance.heat_capacity_j_per_k
@@ -97,9 +102,12 @@ class ResistanceSensor:
         ohm = self._ohm(measurement, before, ahead, slope, dt_s)
         if not isfinite(ohm) or abs(ahead.temperature_c - before.temperature_c) > FAST_C_PER_S * dt_s:
             return later
+        lead_ohm = ohm - resistance.ohm(ahead.temperature_c, phase)
+        if abs(lead_ohm - lead.mean_ohm) > self._most_jump_ohm:
+            return later
         variance = (resistance.noise_v / measurement.current_a) ** 2 + (slope * noise) ** 2
         least = (self._ohm_per_k * TEMPERATURE_C) ** 2 + resistance.error_ohm**2
-        return later.measured(ohm - resistance.ohm(ahead.temperature_c, phase), variance, least)
+        return later.measured(lead_ohm, variance, least)
 
     def displacement(
         self, lead: LeadChange, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
@@ -107,7 +115,8 @@ class ResistanceSensor:
         """Return the displacement by the resistance; the method `lead` explains the arguments.
 
         The result is `NO_READING` without current or voltage, if the standard deviation reaches `MOST_NOISE`, if the
-        resistance does not depend on the phase, and while the wire is cold, because its phase is then known to be 0.
+        phase is far outside its range, if the resistance does not depend on the phase, and while the wire is cold,
+        because its phase is then known to be 0.
         """
         resistance, temperature_c, wire = self._resistance, ahead.temperature_c, self._wire
         start = wire.phase(ahead.hysteresis)
@@ -119,7 +128,7 @@ class ResistanceSensor:
         phase = resistance.phase(ohm - lead_ohm, temperature_c, start)
         constant = lead_variance + resistance.error_ohm**2 + (self._ohm_per_k * TEMPERATURE_C) ** 2
         noise = sqrt((resistance.noise_v / measurement.current_a) ** 2 + AVERAGED * constant) / abs(slope)
-        if not noise < MOST_NOISE or not isfinite(phase):
+        if not (noise < MOST_NOISE and -MOST_JUMP < phase < 1.0 + MOST_JUMP):
             return NO_READING
         return DisplacementReading(wire.cold_mm + wire.travel_mm * phase, noise * abs(wire.travel_mm))
 

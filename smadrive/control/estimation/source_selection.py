@@ -29,8 +29,8 @@ from math import exp, inf, isfinite, nan
 from typing import NamedTuple
 
 from smadrive.control.estimation.lead import LeadChange
-from smadrive.control.estimation.observer import WireEstimate
 from smadrive.control.estimation.resistance_sensor import NO_READING, DisplacementReading, ResistanceSensor
+from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.measurement import DisplacementFrom, Measurement
 
 FORGET_S = 3.0

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from smadrive.control.estimation.observer import WireEstimate
+from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.hysteresis import HysteresisModel, HysteresisState, InverseFeedforward
 from smadrive.wire.branch_temperatures import BranchTemperatures
 from smadrive.wire.wire_model import WireModel, travel_mm

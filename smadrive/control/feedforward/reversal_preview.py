@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from smadrive.control.estimation.observer import WireEstimate
+from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import HysteresisState, InverseFeedforward
 from smadrive.wire.wire_model import WireModel, WireState

@@ -21,8 +21,9 @@ from __future__ import annotations
 
 from math import isfinite, nan
 
-from smadrive.control.estimation.observer import WireEstimate, WireObserver
+from smadrive.control.estimation.observer import WireObserver
 from smadrive.control.estimation.source_selection import SourceState
+from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.control.loop import Tick
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smadrive.control.estimation.observer import WireEstimate
+from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.control.feedforward.displacement import (
     BEYOND_C,
     COLDER_C,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smadrive.control.estimation.observer import WireEstimate
+from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.control.feedforward.reversal_preview import ReversalPreview
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import DuhemModel

@@ -59,15 +59,21 @@ class Bench:
         self.time_s += DT_S
 
 
-def tracked(chosen, sensor=lambda _time_s, _right_mm: nan, lead_ohm=0.0, reference=REFERENCE):
-    """Return the errors in % of the stroke after the approach, and the commands."""
+def tracked(chosen, sensor=lambda _time_s, _right_mm: nan, lead_ohm=0.0, reference=REFERENCE, spoiled=None):
+    """Return the errors in % of the stroke after the approach, and the commands.
+
+    The sample in the middle of the run has the values `spoiled`.
+    """
     settings = TrackingSettings(
         DT_S, 0.6, closed_loop_s=0.25, integral_s=2.0, noise_c=0.1, displacement_from=DisplacementFrom(chosen)
     )
     controller, bench = TrackingController(reference, WIRE, HysteresisInverse(MODEL), settings), Bench(lead_ohm)
     errors, commands = [], []
     while bench.time_s < reference.duration_s:
-        command = controller.update(bench.time_s, bench.measurement(sensor), DT_S)
+        sample = bench.measurement(sensor)
+        if abs(bench.time_s - 0.5 * reference.duration_s) < 0.5 * DT_S:
+            sample = sample._replace(**spoiled or {})
+        command = controller.update(bench.time_s, sample, DT_S)
         if bench.time_s >= reference.scored_from_s:
             errors.append(100 * (reference.value_mm(bench.time_s) - bench.state.hysteresis.y) / STROKE_MM)
             commands.append(command)
@@ -131,6 +137,30 @@ def test_implausible_sensor_is_replaced(sensor):
 def test_spikes_do_not_make_a_sensor_fail():
     _, commands = tracked("sensor", lambda time_s, right_mm: right_mm + (1.0 if round(time_s / DT_S) % 40 == 0 else 0))
     assert not all(command.uses_resistance for command in commands[-30:])
+
+
+SPOILED = [
+    {"current_a": 6.0},
+    {"current_a": 0.02},
+    {"voltage_v": 60.0},
+    {"temperature_c": 3.4e38},
+    {"temperature_c": -1e4},
+]
+"""Samples with one wrong value, as after a disturbed conversion."""
+
+
+@pytest.mark.parametrize("spoiled", SPOILED)
+def test_sample_with_a_wrong_value_does_not_make_a_right_sensor_fail(spoiled):
+    errors, commands = tracked("sensor", right, spoiled=spoiled)
+    assert not commands[-1].uses_resistance
+    assert abs(commands[-1].by_resistance_mm - commands[-1].estimated_mm) < 0.03 * STROKE_MM
+    assert np.abs(errors[-60:]).max() < 0.5
+
+
+@pytest.mark.parametrize("spoiled", SPOILED)
+def test_sample_with_a_wrong_value_is_soon_forgotten_by_resistance(spoiled):
+    errors, _ = tracked("resistance", spoiled=spoiled)
+    assert np.abs(errors[-60:]).max() < 1.5
 
 
 def test_sense_current_flows_while_the_wire_cools():
