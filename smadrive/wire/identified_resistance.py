@@ -49,6 +49,25 @@ CLOSE = 1e-6
 
 LEAST_NODES = 3
 
+RANGES = {
+    "reference_c": (-50.0, 300.0),
+    "martensite_ohm": (1e-3, 1e4),
+    "strain": (0.0, 0.2),
+    "noise_v": (1e-7, 10.0),
+    "error_ohm": (0.0, 1e3),
+    "delay_s": (-1.0, 1.0),
+}
+"""The range of each parameter, beyond which it belongs to no wire and no device."""
+
+NODES_C = -100.0, 600.0
+"""Range of the nodes, °C."""
+
+RATIOS = 0.5, 1.6
+"""Least and largest ratio of the resistances of austenite and martensite; alloys have some 0.8 to 1.3."""
+
+LEAST_CHANGE = 1e-3
+"""Least change of the resistance over the stroke, as a share."""
+
 NUMBERS = ("reference_c", "martensite_ohm", "martensite_ohm_per_k", "strain", "noise_v", "error_ohm", "delay_s")
 """The parameters that are single numbers."""
 
@@ -88,15 +107,34 @@ class WireResistance:
         for name, values in (("martensite_ohm", (self.martensite_ohm,)), ("austenite_ohm", self.austenite_ohm)):
             if not all(0.0 < value < np.inf for value in values):
                 raise ModelError("not positive", where=f"resistance: {name}", value=min(values))
-        for name in ("noise_v", "error_ohm"):
-            if not getattr(self, name) >= 0.0:
-                raise ModelError("negative", where=f"resistance: {name}", value=getattr(self, name))
-        if not 0.0 <= self.strain < 1.0:
-            raise ModelError("out of its range", where="resistance: strain", value=self.strain, limit="0 to 1")
+        for name, (low, high) in RANGES.items():
+            if not low <= (value := getattr(self, name)) <= high:
+                raise ModelError(
+                    "out of its range", where=f"resistance: {name}", value=value, limit=f"{low:g} to {high:g}"
+                )
         nodes = self.nodes_c
         if len(nodes) < LEAST_NODES or len(nodes) != len(self.austenite_ohm) or not np.all(np.diff(nodes) > 0.0):
             what = "needs ascending nodes, each with one value"
             raise ModelError(what, where="resistance: nodes_c", value=len(nodes), limit=f"at least {LEAST_NODES}")
+        low_c, high_c = NODES_C
+        if not (low_c <= nodes[0] and nodes[-1] <= high_c):
+            limits = f"{low_c:g} to {high_c:g} °C"
+            raise ModelError("out of its range", where="resistance: nodes_c", value=f"{nodes[-1]:g} °C", limit=limits)
+
+    def check_change(self) -> None:
+        """Raise ModelError if the resistance hardly depends on the phase, or depends on it as that of no alloy."""
+        ratios = [
+            austenite / self._pure_ohm(at_c)[0]
+            for at_c, austenite in zip(self.nodes_c, self.austenite_ohm, strict=True)
+        ]
+        low, high = RATIOS
+        if not (low < min(ratios) and max(ratios) < high):
+            what = "austenite and martensite differ by more than in any alloy"
+            limits = f"ratio {low:g} to {high:g}"
+            raise ModelError(what, where="resistance: austenite_ohm", value=f"ratio {max(ratios):.3g}", limit=limits)
+        if max(abs(ratio - 1.0) for ratio in ratios) < LEAST_CHANGE and self.strain < LEAST_CHANGE:
+            what, limits = "the resistance does not depend on the phase", f"a change of {100 * LEAST_CHANGE:g} %"
+            raise ModelError(what, where="resistance: austenite_ohm", value=f"ratio {ratios[0]:.6g}", limit=limits)
 
     def ohm(self, temperature_c: float, phase: float) -> float:
         """Return the resistance R in Ω, at the temperature in °C and at the phase, 0 for the cold wire."""

@@ -27,6 +27,9 @@ from smadrive.wire.wire_model import WireModel, travel_mm
 
 _SECTION_KEYS = ("turning_points_c", "ends_c")
 
+SAME = 0.25
+"""Largest difference between the resistances of the heat balance and the identified resistance, as a share."""
+
 
 @dataclass(frozen=True, repr=False)
 class IdentifiedWire:
@@ -137,7 +140,7 @@ def parse_wire(text: str, place: str) -> IdentifiedWire:
     if provenance is None:
         return IdentifiedWire(model, source=place)
     balance, caveats, sections_c = _heat_balance(provenance, place), _caveats(provenance), _sections(provenance)
-    resistance = _resistance(provenance, place)
+    resistance = _resistance(provenance, place, balance)
     return IdentifiedWire(model, balance, caveats, source=place, sections_c=sections_c, resistance=resistance)
 
 
@@ -177,18 +180,34 @@ def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:
         raise
 
 
-def _resistance(provenance: Fields, place: str) -> WireResistance | None:
-    """Return the resistance in the provenance, or None if it contains no resistance."""
+def _resistance(provenance: Fields, place: str, balance: HeatBalance | None) -> WireResistance | None:
+    """Return the resistance in the provenance, or None if it contains no resistance.
+
+    ModelError if it cannot belong to a wire with this heat balance.
+    """
     if provenance.document.get("resistance") is None:
         return None
     parameters = provenance.inner("resistance")
     values: dict[str, Any] = {name: parameters.number(name) for name in NUMBERS}
     values |= {name: parameters.numbers(name) for name in SPLINE}
     try:
-        return WireResistance(**values)
+        resistance = WireResistance(**values)
+        resistance.check_change()
+        if balance is not None:
+            _check_same("cold", resistance.ohm(balance.ambient_c, 0.0), balance.resistance_ohm(0.0))
+            _check_same("hot", resistance.ohm(resistance.nodes_c[-1], 1.0), balance.resistance_ohm(1.0))
     except ModelError as error:
         error.where = f"{place}: {error.where}"
         raise
+    return resistance
+
+
+def _check_same(state: str, ohm: float, balance_ohm: float) -> None:
+    """Raise ModelError if two resistances of the wire in one state differ by more than `SAME`."""
+    if abs(ohm - balance_ohm) > SAME * balance_ohm:
+        what = f"the resistance of the {state} wire is not that of the heat balance"
+        limit = f"{balance_ohm:.4g} Ω ± {100 * SAME:g} %"
+        raise ModelError(what, where="resistance", value=f"{ohm:.4g} Ω", limit=limit, cure="identify the wire again")
 
 
 def _source(parameters: Fields) -> BalanceSource:

@@ -48,9 +48,23 @@ def test_no_phase_where_the_resistance_does_not_depend_on_it():
         ("noise_v", -0.1),
         ("nodes_c", (1.0, 1.0, 2.0)),
         ("austenite_ohm", (0.0,) * len(NODES)),
+        ("noise_v", 0.0),
+        ("delay_s", 1e6),
+        ("strain", 0.9),
+        ("nodes_c", tuple(5000.0 + c for c in NODES)),
     ],
 )
 def test_impossible_parameters_are_named(name, value):
     with pytest.raises(ModelError) as raised:
         dataclasses.replace(RESISTANCE, **{name: value})
     assert raised.value.where == f"resistance: {name}"
+
+
+@pytest.mark.parametrize("factor", [0.4, 2.0, 17.0 / 14.5])
+def test_resistance_that_no_alloy_has_or_that_does_not_change_is_named(factor):
+    austenite_ohm = tuple(factor * 14.5 for _ in NODES)
+    absurd = dataclasses.replace(RESISTANCE, martensite_ohm_per_k=0.0, strain=0.0, austenite_ohm=austenite_ohm)
+    RESISTANCE.check_change()
+    with pytest.raises(ModelError) as raised:
+        absurd.check_change()
+    assert raised.value.where == "resistance: austenite_ohm"

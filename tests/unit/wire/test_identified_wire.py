@@ -16,6 +16,7 @@ MODEL = DuhemModel.gaussian(
 )
 BALANCE = HeatBalance(0.02, 0.01, 0.1, 22.0, 10.0, 0.1, 0.1)
 WIRE = IdentifiedWire(MODEL, BALANCE, metrics={"rms_percent": 0.3}, source="a test")
+RESISTANCE = WireResistance(70.0, 10.3, 0.006, 0.04, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), (11.2, 11.5, 11.8))
 
 
 @pytest.fixture
@@ -141,12 +142,11 @@ def test_provenance_of_another_shape_is_rejected(path, provenance):
 
 
 def test_resistance_is_kept_in_file_and_log(tmp_path):
-    resistance = WireResistance(70.0, 16.5, 0.01, 0.04, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), (15.0, 15.4, 15.8))
-    wire = replace(WIRE, resistance=resistance)
+    wire = replace(WIRE, resistance=RESISTANCE)
     wire.save(tmp_path / "wire.json")
-    assert load_wire(tmp_path / "wire.json").resistance == resistance
-    assert parse_wire(wire.text(), "log").resistance == resistance
-    assert wire.wire_model().resistance == resistance
+    assert load_wire(tmp_path / "wire.json").resistance == RESISTANCE
+    assert parse_wire(wire.text(), "log").resistance == RESISTANCE
+    assert wire.wire_model().resistance == RESISTANCE
 
 
 def test_file_of_version_2_has_no_resistance(tmp_path):
@@ -158,11 +158,13 @@ def test_file_of_version_2_has_no_resistance(tmp_path):
     assert load_wire(path).resistance is None
 
 
-@pytest.mark.parametrize(("key", "value"), [("strain", 3.0), ("nodes_c", [1.0]), ("noise_v", None)])
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("strain", 3.0), ("nodes_c", [1.0]), ("noise_v", None), ("austenite_ohm", [1.0, 1.0, 1.0])],
+)
 def test_wrong_resistance_in_a_file_is_named(tmp_path, key, value):
     path = tmp_path / "wire.json"
-    resistance = WireResistance(70.0, 16.5, 0.01, 0.04, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), (15.0, 15.4, 15.8))
-    replace(WIRE, resistance=resistance).save(path)
+    replace(WIRE, resistance=RESISTANCE).save(path)
     document = json.loads(path.read_text())
     document["provenance"]["resistance"][key] = value
     path.write_text(json.dumps(document))
@@ -170,3 +172,17 @@ def test_wrong_resistance_in_a_file_is_named(tmp_path, key, value):
         load_wire(path)
     assert str(path) in raised.value.where
     assert key in raised.value.where
+
+
+@pytest.mark.parametrize("factor", [1e-3, 0.6, 1.5])
+def test_resistance_of_another_wire_is_refused(tmp_path, factor):
+    path = tmp_path / "wire.json"
+    ohms = {
+        "martensite_ohm": factor * RESISTANCE.martensite_ohm,
+        "martensite_ohm_per_k": factor * RESISTANCE.martensite_ohm_per_k,
+        "austenite_ohm": tuple(factor * ohm for ohm in RESISTANCE.austenite_ohm),
+    }
+    replace(WIRE, resistance=replace(RESISTANCE, **ohms)).save(path)
+    with pytest.raises(ModelError) as raised:
+        load_wire(path)
+    assert raised.value.where.startswith(f"{path}: resistance")
