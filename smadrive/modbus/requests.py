@@ -84,8 +84,9 @@ def read_like(request: Request, count: int) -> Request:
 
 
 def write_register(address: int, word: int) -> Request:
-    """Return a request to write one holding register (FC06). ValueError outside the address space."""
+    """Return a request to write one holding register (FC06). ValueError outside the address space or 16 bits."""
     _check_range(address, 1, 1)
+    _check_words([word])
     pdu = struct.pack(">BHH", 6, address, word)
     return Request(pdu, reply_head=pdu, payload_size=0, writes=True)
 
@@ -101,6 +102,7 @@ def write_registers(address: int, words: Sequence[int]) -> Request:
     """Return a request to write consecutive holding registers (FC16). ValueError outside the standard's limits."""
     count = len(words)
     _check_range(address, count, MAX_WRITE_REGISTERS)
+    _check_words(words)
     head = struct.pack(">BHH", 16, address, count)
     return Request(head + struct.pack(f">B{count}H", 2 * count, *words), head, payload_size=0, writes=True)
 
@@ -122,6 +124,7 @@ def exchange(write_address: int, words: Sequence[int], read_address: int, read_c
     count = len(words)
     _check_range(write_address, count, MAX_EXCHANGE_WRITE_REGISTERS)
     _check_range(read_address, read_count, MAX_READ_REGISTERS)
+    _check_words(words)
     pdu = struct.pack(f">BHHHHB{count}H", 23, read_address, read_count, write_address, count, 2 * count, *words)
     return Request(pdu, bytes((23, 2 * read_count)), payload_size=2 * read_count, writes=True)
 
@@ -153,6 +156,12 @@ def _read(function: int, address: int, count: int, most: int, payload_size: int)
         payload_size=payload_size,
         writes=False,
     )
+
+
+def _check_words(words: Sequence[int]) -> None:
+    for word in words:
+        if not (isinstance(word, int) and 0 <= word <= 0xFFFF):
+            raise ValueError(f"{word!r} is not a word; a register holds the integers 0 to 65535")
 
 
 def _check_range(address: int, count: int, most: int) -> None:

@@ -12,9 +12,10 @@ import json
 import os
 import time
 from contextlib import suppress
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import Any, Self
 
 from smadrive.campaigns.experiments.run import Effort, RunResult
 from smadrive.campaigns.plan.plan import CampaignPlan
@@ -35,6 +36,7 @@ class Journal:
     def __init__(self, folder: Path, plan: CampaignPlan, *, resume: bool) -> None:
         self.folder, self._plan, self._resume = folder, plan, resume
         self.results: dict[int, RunResult] = {}
+        self._end = 0
 
     def __enter__(self) -> Self:
         """Create the journal or, with `resume`, open the journal of an earlier command.
@@ -71,20 +73,20 @@ class Journal:
 
     def add(self, number: int, result: RunResult) -> None:
         """Add the result of a run to `results` and to the file. DataError when the file cannot be written."""
-        self.results[number] = result
         self._write({"run": number, "row": result.row, "effort": result.effort._asdict()})
+        self.results[number] = result
         if time.monotonic() - self._synced_s > SYNCED_S:
             self._sync()
 
-    def _open(self) -> IO[str]:
+    def _open(self) -> FileIO:
         path = self.folder / JOURNAL
         self._is_new_folder = not self.folder.exists()
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             if self._resume:
-                return path.open("r+", encoding="utf-8")
+                return FileIO(path, "r+")
             _check_empty(self.folder)
-            return path.open("x", encoding="utf-8")
+            return FileIO(path, "x")
         except FileNotFoundError:
             cure = "give the folder of an interrupted campaign, or leave out --resume"
             raise DataError("no campaign was begun in this folder", where=self.folder, cure=cure) from None
@@ -102,23 +104,33 @@ class Journal:
             raise DataError("another campaign writes into this folder", where=self.folder, cure=cure) from None
 
     def _read(self) -> None:
-        """Read the finished runs, and remove a line that a kill has cut."""
-        whole = 0
-        for line in self._file.read().splitlines(keepends=True):
-            if not line.endswith("\n"):
+        """Read the finished runs, and remove the lines from the first that a kill or a power failure has damaged."""
+        head, *lines = self._file.readall().splitlines(keepends=True) or [b""]
+        self._check_head(head)
+        self._end = len(head)
+        for line in lines:
+            try:
+                entry = json.loads(line) if line.endswith(b"\n") else {}
+                result = RunResult(entry["row"], Effort(**entry["effort"]))
+            except (ValueError, KeyError, TypeError):
                 break
-            self._take(json.loads(line), is_head=whole == 0)
-            whole += len(line.encode())
-        if not whole:
-            raise DataError("the journal has no first line", where=self.folder / JOURNAL, cure="choose another folder")
-        self._file.seek(whole)
-        self._file.truncate()
+            if entry["run"] not in range(self._plan.count):
+                break
+            self.results[entry["run"]] = result
+            self._end += len(line)
+        self._file.truncate(self._end)
+        self._file.seek(self._end)
         self._sync()
 
-    def _take(self, entry: dict[str, Any], *, is_head: bool) -> None:
-        if not is_head:
-            self.results[entry["run"]] = RunResult(entry["row"], Effort(**entry["effort"]))
-        elif entry.get("fingerprint") != self._plan.fingerprint:
+    def _check_head(self, line: bytes) -> None:
+        try:
+            entry = dict(json.loads(line))
+        except (ValueError, TypeError):
+            cure = "choose another folder"
+            raise DataError(
+                "the first line of the journal is damaged", where=self.folder / JOURNAL, cure=cure
+            ) from None
+        if entry.get("fingerprint") != self._plan.fingerprint:
             raise DataError(
                 "the folder belongs to another campaign, or a file that the campaign names has changed",
                 where=self.folder,
@@ -127,12 +139,16 @@ class Journal:
             )
 
     def _write(self, entry: dict[str, Any]) -> None:
+        line = f"{json.dumps(entry)}\n".encode()
+        written = 0
         try:
-            self._file.write(json.dumps(entry) + "\n")
-            self._file.flush()
+            while written < len(line):  # the last bytes of a full disk take a part of the line
+                written += self._file.write(line[written:])
         except OSError as error:
+            self._file.truncate(self._end)
             cure = "make room on the disk, and go on with --resume"
             raise DataError("cannot be written", where=self.folder, value=error.strerror, cure=cure) from None
+        self._end += len(line)
         self._synced_s = getattr(self, "_synced_s", time.monotonic())
 
     def _sync(self) -> None:

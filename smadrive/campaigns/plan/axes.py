@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from glob import glob
+from itertools import combinations
 from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -48,6 +49,7 @@ def axes_of(configs: tuple[AxisConfig, ...], seed: int, folder: Path) -> tuple[A
     for name in names:
         if names.count(name) > 1:
             raise ConfigError(f"two axes are called '{name}'", where="[[vary]]", cure='write name = "…" at one of them')
+    _check_paths(axes)
     count = prod(len(axis.levels) for axis in axes)
     if count > MOST_RUNS:
         sizes = " x ".join(f"{len(axis.levels)} ({axis.name})" for axis in axes)
@@ -61,17 +63,30 @@ def axes_of(configs: tuple[AxisConfig, ...], seed: int, folder: Path) -> tuple[A
     return axes
 
 
+def _check_paths(axes: tuple[Axis, ...]) -> None:
+    """Raise ConfigError if two lists set the same key, or a key and a table that contains it: one would be lost."""
+    paths = sorted(path for axis in axes for path in axis.settings[0])
+    for path, following in combinations(paths, 2):
+        if following == path or following.startswith(f"{path}."):
+            what, cure = f"'{path}' and '{following}' set the same value", "vary each setting once"
+            raise ConfigError(what, where="[[vary]]", cure=cure)
+
+
 def _axis(config: AxisConfig, seed: int, folder: Path, where: str) -> Axis:
     lists = dict(_lists(config.model_extra or {}, where))
     is_sample = config.random_wires is not None or config.repeats is not None
+    counted: dict[str, list[Any]] = {}
     if config.random_wires is not None:
         _check_size(config.random_wires, where)
-        lists["wire.seed"] = list(range(seed, seed + config.random_wires))
+        counted["wire.seed"] = list(range(seed, seed + config.random_wires))
     if config.repeats is not None:
         _check_size(config.repeats, where)
-        lists["seed"] = list(range(seed, seed + config.repeats))
+        counted["seed"] = list(range(seed, seed + config.repeats))
     if config.records is not None:
-        lists["record"] = _files(config.records, folder, where)
+        counted["record"] = _files(config.records, folder, where)
+    if twice := lists.keys() & counted.keys():
+        raise ConfigError("set twice on this axis", where=f"{where}: {min(twice)}", cure="remove one of the two")
+    lists |= counted
     if not lists or not all(lists.values()):
         raise ConfigError("nothing varies on this axis", where=where, cure="give a setting of [run] a list of values")
     lengths = {path: len(values) for path, values in lists.items()}
@@ -125,6 +140,9 @@ def _levels(config: AxisConfig, values: list[Any], folder: Path, where: str) -> 
             raise ConfigError(
                 "as many labels as values are needed", where=where, value=len(config.labels), limit=len(values)
             )
+        if len(set(config.labels)) < len(config.labels):
+            labels = ", ".join(config.labels)
+            raise ConfigError("a label is given twice", where=where, value=labels, cure="give each value its own label")
         return config.labels
     plain = [os.path.relpath(value, folder) for value in values] if config.records is not None else values
     if not all(isinstance(value, Level) for value in plain):

@@ -125,4 +125,8 @@ def _data_sheet(wire: WireSettings, sim: SimConfig, wire_file: str) -> WireDataS
 
 def file_path(name: str, folder: Path, kind: Any) -> Path:
     """Return the path of a file: relative to `folder` if `name` ends in .toml, otherwise of the shipped file `name`."""
+    if not isinstance(name, str):
+        raise ConfigError(
+            "not the name of a file", where="file", value=str(name), cure='write a text: file = "RIG.toml"'
+        )
     return config_file(str(folder / name) if name.endswith(".toml") else name, kind)

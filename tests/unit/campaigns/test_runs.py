@@ -1,5 +1,7 @@
 """The runs of a campaign, on a cluster of one worker in this process."""
 
+import resource
+import signal
 import subprocess
 import sys
 
@@ -79,6 +81,45 @@ def test_an_interrupted_journal_goes_on(short_campaign, tmp_path):
         journal.add(0, RESULT)
     with Journal(folder, plan, resume=True) as journal:
         assert sorted(journal.results) == [0, 1]
+
+
+DAMAGED = [b"\0" * 200 + b"\n", b'{"run": 3, "row"', b"\xff\xfe\n", b"[1]\n", b'{"run": 99, "row": {}, "effort": {}}\n']
+
+
+@pytest.mark.parametrize("damaged", DAMAGED)
+def test_damaged_end_of_a_journal_is_repeated(short_campaign, tmp_path, damaged):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(0, RESULT)
+    whole = (folder / JOURNAL).read_bytes()
+    (folder / JOURNAL).write_bytes(whole + damaged)
+    with Journal(folder, plan, resume=True) as journal:
+        assert list(journal.results) == [0]
+    assert (folder / JOURNAL).read_bytes() == whole
+
+
+def test_damaged_first_line_is_named(short_campaign, tmp_path):
+    (tmp_path / JOURNAL).write_bytes(b"\0\0\n")
+    with pytest.raises(DataError) as caught, Journal(tmp_path, short_campaign(), resume=True):
+        pass
+    assert caught.value.where == str(tmp_path / JOURNAL)
+
+
+def test_run_that_a_full_disk_lost_is_not_done(short_campaign, tmp_path):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        with pytest.raises(DataError), Journal(folder, plan, resume=False) as journal:
+            journal.add(0, RESULT)
+            resource.setrlimit(resource.RLIMIT_FSIZE, ((folder / JOURNAL).stat().st_size + 20, hard))
+            journal.add(1, RESULT)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, before)
+    assert list(journal.results) == [0]
+    with Journal(folder, plan, resume=True) as journal:
+        assert list(journal.results) == [0]
 
 
 @pytest.mark.parametrize("resume", [False, True])
