@@ -16,7 +16,7 @@ from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Contradiction, Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
-from smadrive.safety.temperature_band import FROZEN_C, UNBOUNDED, AtLeast, TemperatureBand
+from smadrive.safety.temperature_band import FROZEN_C, UNBOUNDED, UNFOLLOWED_C, AtLeast, TemperatureBand
 from smadrive.safety.temperature_by_resistance import TemperatureByResistance
 
 LATE_TICKS = 20
@@ -163,7 +163,7 @@ class Supervisor:
         if self._frozen.update(band.unseen_c > FROZEN_C):
             detail = f"{reading_c:.2f} °C, while the wire's temperature changed by at least {band.unseen_c:.0f} K"
             self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
-        is_too_cold = reading_c < band.low_c and not is_cool
+        is_too_cold = (reading_c < band.low_c or band.unfollowed_c > UNFOLLOWED_C) and not is_cool
         if self._implausible.update(is_too_cold or not reading_c <= band.high_c):
             fault = Fault.READS_TOO_COLD if is_too_cold else Fault.READS_TOO_HOT
             detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"

@@ -21,12 +21,19 @@ change:
 
 Δ is the temperature change of the wire since the last change of the reading. Errors of the heat balance cancel, because
 they are the same at both times. A large Δ with a constant reading is a fault.
+
+A reading that changes may still rise too little. The least rise R of the wire by the power of the last second is
+
+    dR/dt = (P - P̄)/C - R/τ,     C of the coldest wire that warms, P̄ the mean power, with the time constant τ
+
+It is compared with the rise of the reading above its own mean. The short time τ, `UNFOLLOWED_S`, leaves out a power
+that only makes up for a draft.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, inf
+from math import exp, inf, isfinite
 from typing import NamedTuple
 
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
@@ -37,6 +44,10 @@ SURROUNDINGS_C = 10.0
 """Largest difference between the surroundings and the ambient temperature of the heat balance, K."""
 MARGIN_C = 6.0
 """Added on both sides of the band for noise and quantisation, K."""
+UNFOLLOWED_S = 1.0
+"""The heat input of about this time is compared with the rise of the reading, s."""
+UNFOLLOWED_C = 5.0
+"""A reading that stays behind the heat input of `UNFOLLOWED_S` by more than this is a fault, K."""
 FROZEN_C = 3.0
 """A temperature change of the wire by more than this is a fault if the reading stays constant, K."""
 
@@ -81,6 +92,8 @@ class Band(NamedTuple):
     """The greatest possible temperature of the wire itself, °C."""
     unseen_c: float
     """The least possible temperature change of the wire since the reading last changed, K."""
+    unfollowed_c: float
+    """The part of the least rise by the power of the last second that the reading does not show, K."""
 
 
 class TemperatureBand:
@@ -107,11 +120,15 @@ class TemperatureBand:
         self._coldest.start(reading_c, min(self._ambient_c, reading_c) - SURROUNDINGS_C)
         self._hottest.start(reading_c, max(self._ambient_c, reading_c) + SURROUNDINGS_C)
         self._low_c = self._high_c = reading_c
+        self._phase = 0.0
+        self._mean_c, self._mean_w, self._rise_k, self._shown_k = reading_c, 0.0, 0.0, 0.0
         self._changed(reading_c, 0.0)
 
     def update(self, reading_c: float, power_w: float, dt_s: float, at_least: AtLeast = UNBOUNDED) -> Band:
         """Return the band after `dt_s` of heating with `power_w`; the thermocouple now reads `reading_c`."""
-        self._coldest.warming_j_per_k = self._capacity_j_per_k + (1.0 - at_least.phase) * self._latent_j_per_k
+        is_cooling = power_w < self._coldest.holding_w()
+        self._phase = at_least.phase if is_cooling else max(at_least.phase, self._phase)
+        self._coldest.warming_j_per_k = self._capacity_j_per_k + (1.0 - self._phase) * self._latent_j_per_k
         coldest_c = max(self._coldest.step(power_w, dt_s), at_least.temperature_c)
         self._coldest.temperature_c = coldest_c
         hottest_c = self._hottest.step(power_w, dt_s)
@@ -119,7 +136,23 @@ class TemperatureBand:
         self._low_c = min(self._low_c + follow * (coldest_c - self._low_c), coldest_c)
         self._high_c = max(self._high_c + follow * (hottest_c - self._high_c), hottest_c)
         unseen_c = self._unseen_c(reading_c, power_w, dt_s)
-        return Band(self._low_c - MARGIN_C, self._high_c + MARGIN_C, coldest_c, hottest_c, unseen_c)
+        unfollowed_c = self._unfollowed_c(reading_c, power_w, follow, dt_s)
+        return Band(self._low_c - MARGIN_C, self._high_c + MARGIN_C, coldest_c, hottest_c, unseen_c, unfollowed_c)
+
+    def _unfollowed_c(self, reading_c: float, power_w: float, follow: float, dt_s: float) -> float:
+        """Return how far the reading stays behind the least rise by the power of the last second, K.
+
+        `follow` is the part of a change that the thermocouple shows after `dt_s`.
+        """
+        keep = exp(-dt_s / UNFOLLOWED_S)
+        settled_k = (power_w - self._mean_w) * UNFOLLOWED_S / self._coldest.warming_j_per_k
+        self._rise_k = settled_k + (self._rise_k - settled_k) * keep
+        self._mean_w = power_w + (self._mean_w - power_w) * keep
+        self._shown_k = min(self._shown_k + follow * (self._rise_k - self._shown_k), self._rise_k)
+        if not isfinite(reading_c):
+            return 0.0
+        self._mean_c = reading_c + (self._mean_c - reading_c) * keep
+        return max(self._shown_k - max(reading_c - self._mean_c, 0.0), 0.0)
 
     def _unseen_c(self, reading_c: float, power_w: float, dt_s: float) -> float:
         if reading_c != self._reading_c:
@@ -147,6 +180,10 @@ class _Wire:
     def start(self, temperature_c: float, ambient_c: float) -> None:
         self.temperature_c = temperature_c
         self._ambient_c = ambient_c
+
+    def holding_w(self) -> float:
+        """Return the power that holds the temperature, W."""
+        return self._loss_w_per_k * (self.temperature_c - self._ambient_c)
 
     def step(self, power_w: float, dt_s: float) -> float:
         settled_c = self._ambient_c + power_w / self._loss_w_per_k

@@ -129,10 +129,7 @@ def test_a_grid_of_a_thousand_million_runs_is_an_error(planned):
         ("[[vary]]\nseed = [1, 1]\n", "[[vary]] 1"),
         ("[[vary]]\nseed = [1]\n[[vary]]\nseed = [2]\n", "[[vary]]"),
         ("[[vary]]\nseed = [1]\n[[vary]]\nname = 'other'\nseed = [2]\n", "[[vary]]"),
-        (
-            "[[vary]]\nsim.thermocouple.noise_c = [0.1]\n[[vary]]\nlabels = ['slow']\nsim.thermocouple = [{lag_s = 1.0}]\n",
-            "[[vary]]",
-        ),
+        ("[[vary]]\nsim.board.watchdog_s = [0.1]\n[[vary]]\nlabels = ['a']\nsim.board = [{}]\n", "[[vary]]"),
         ("[[vary]]\nrepeats = 2\nseed = [7, 8]\n", "[[vary]] 1: seed"),
         ("[[vary]]\nlabels = ['a', 'a']\nrig.rate_hz = [10.0, 20.0]\n", "[[vary]] 1"),
         ("[[vary]]\nrig.file = [3]\n", "file"),

@@ -110,10 +110,11 @@ def test_run_that_a_full_disk_lost_is_not_done(short_campaign, tmp_path):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:
-        with pytest.raises(DataError), Journal(folder, plan, resume=False) as journal:
+        with Journal(folder, plan, resume=False) as journal:
             journal.add(0, RESULT)
             resource.setrlimit(resource.RLIMIT_FSIZE, ((folder / JOURNAL).stat().st_size + 20, hard))
-            journal.add(1, RESULT)
+            with pytest.raises(DataError):
+                journal.add(1, RESULT)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         signal.signal(signal.SIGXFSZ, before)

@@ -123,7 +123,7 @@ def test_reading_that_does_not_belong_to_the_resistance_trips():
 
 
 def test_wire_that_cools_without_current_is_not_compared_with_its_hot_resistance():
-    hot = [sample(110.0, 1.0, n) for n in range(20)]
+    hot = [sample(110.0, 1.0, n, current_a=0.2) for n in range(20)]
     cooling_c = [22.0 + 88.0 * exp(-0.05 * n / BALANCE.time_constant_s) for n in range(300)]
     cooling = [sample(one_c, 0.0, 20 + n, current_a=0.03) for n, one_c in enumerate(cooling_c)]
     heated = [sample(22.0 + 3.0 * n, 0.0, 320 + n) for n in range(10)]
