@@ -105,5 +105,8 @@ def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT
     """
     try:
         return kind.model_validate(tables)
+    except ConfigError as error:  # of a check that is also used without a file
+        error.where = where
+        raise
     except ValidationError as error:
         raise ConfigError(config_problems([dict(problem) for problem in error.errors()], kind), where=where) from None

@@ -14,6 +14,7 @@ from smadrive.control.loop import LATE_FRACTION, LoopMetrics
 from smadrive.errors import DataError
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_metadata import nominal_balance, reference_of, rig_config_of, step_of, wire_of
+from smadrive.runs.thermocouple_noise import noise_caveats
 from smadrive.wire.data_sheet import resistance_caveats
 from smadrive.wire.wire_model import travel_mm
 
@@ -95,15 +96,14 @@ def tripped_loop_metrics(log: Log) -> LoopMetrics:
 def tracking_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust the metrics of a tracking run. DataError when the log is of another kind of run.
 
-    The first reasons were known before the run, for example that the reference was smoothed. The last reasons are about
-    missing samples.
+    The first reasons were known before the run, for example that the reference was smoothed.
     """
-    return (*texts_of(log, "caveats"), *_sample_caveats(log))
+    return (*texts_of(log, "caveats"), *_sample_caveats(log), *noise_caveats(log))
 
 
 def run_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust the content of a log, or the metrics of its run. The run may be of any kind."""
-    metrics = tracking_caveats(log) if has_setpoint(log) else texts_of(log, "caveats")
+    metrics = tracking_caveats(log) if has_setpoint(log) else (*texts_of(log, "caveats"), *noise_caveats(log))
     return (*log.caveats, *metrics, *(_command_caveats(log) if "controller" in log.metadata else ()))
 
 

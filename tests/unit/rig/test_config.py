@@ -3,6 +3,7 @@
 import json
 import os
 from math import inf
+from pathlib import Path
 
 import pytest
 import tomlkit
@@ -144,6 +145,14 @@ def test_feedback_faster_than_the_ticks_is_an_error(name):
     with pytest.raises(ConfigError, match=name) as caught:
         rig.check_feedback(rig.feedback.model_copy(update={name: 0.01}))
     assert caught.value.value == "0.01 s"
+
+
+def test_feedback_faster_than_the_ticks_in_a_file_names_the_file(folder):
+    path = Path(edited(folder))
+    path.write_text(f"{path.read_text()}\n[feedback]\nclosed_loop_s = 0.001\n")
+    with pytest.raises(ConfigError) as caught:
+        load_rig(path)
+    assert caught.value.where == str(path)
 
 
 def test_slow_rig_has_a_slower_temperature_loop(folder):
