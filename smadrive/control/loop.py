@@ -117,7 +117,7 @@ class ControlLoop:
         self._start_s = 0.0
         self._last_s = 0.0
         self._overran = False
-        self.figures = LoopMetrics()
+        self.metrics = LoopMetrics()
 
     def run(self, watchdog_s: float) -> LoopMetrics:
         """Arm the heater, run the ticks, bring the heater into its safe state, and return the counts of the run.
@@ -132,7 +132,7 @@ class ControlLoop:
             self._start_s = self._clock.now_s()
             self._last_s = -self._period_s
             self._tick_to_the_end()
-        return self.figures
+        return self.metrics
 
     def _tick_to_the_end(self) -> None:
         number = 0
@@ -150,7 +150,7 @@ class ControlLoop:
         The loop does not make up for these ticks.
         """
         skipped = max(int((self._clock.now_s() - due_s) / self._period_s - LATE_FRACTION), 0)
-        self.figures.missed_deadlines += skipped
+        self.metrics.missed_deadlines += skipped
         self._overran = skipped > 0
         return skipped
 
@@ -161,9 +161,9 @@ class ControlLoop:
         answers late has also changed its current late. With the deadline, this delay would look like a change of the
         heat input.
         """
-        self.figures.ticks += 1
+        self.metrics.ticks += 1
         missed = late_s > LATE_FRACTION * self._period_s
-        self.figures.missed_deadlines += missed
+        self.metrics.missed_deadlines += missed
         self._stop_if(self._supervisor.check_deadline(missed or self._overran, self._clock.now_s()))
         measurement = self._exchange()
         if measurement is None:
@@ -183,11 +183,11 @@ class ControlLoop:
         try:
             return self._heater.exchange(self._command.commanded_a)
         except (TransportError, ProtocolError):
-            self.figures.lost_exchanges += 1
+            self.metrics.lost_exchanges += 1
             return None
         except DeviceError as rejection:
             if isinstance(rejection, ExceptionReply) and rejection.code in BUSY:
-                self.figures.lost_exchanges += 1
+                self.metrics.lost_exchanges += 1
                 return None
             raise self._tripped(Trip(Fault.COMMAND_REFUSED, self._clock.now_s(), str(rejection))) from rejection
         except TakenOverError as taken:
@@ -198,7 +198,7 @@ class ControlLoop:
             raise self._tripped(trip)
 
     def _tripped(self, trip: Trip) -> TripError:
-        self.figures.trips += 1
+        self.metrics.trips += 1
         error = trip.error()
         self._on_trip(error)
         return error

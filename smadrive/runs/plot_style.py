@@ -38,6 +38,9 @@ STYLE: Any = {
     "svg.hashsalt": "smadrive",
 }
 
+WIDTH_IN = 9.0
+"""Width of a figure, inches."""
+
 POINTS = 3000
 """Largest number of points of a line. A line with more points is thinned out: a page has fewer pixels."""
 
@@ -62,21 +65,21 @@ class PlotFigure(Figure):
         return _COORDINATES.sub(lambda found: _DIGITS.sub(r"\1", found.group()), buffer.getvalue())
 
 
-def panels(heights: Sequence[float], width: float = 9.0, *, share_x: bool = True) -> tuple[PlotFigure, list[Axes]]:
+def panels(heights: Sequence[float], *, share_x: bool = True) -> tuple[PlotFigure, list[Axes]]:
     """Return a figure and its panels, which stand one above the other and, with `share_x`, share their horizontal axis.
 
-    `heights` and `width` are in inches.
+    `heights` are in inches.
     """
     with mpl.rc_context(STYLE):
-        figure = PlotFigure(figsize=(width, sum(heights) + 0.5), layout="constrained")
+        figure = PlotFigure(figsize=(WIDTH_IN, sum(heights) + 0.5), layout="constrained")
         axes = figure.subplots(len(heights), 1, sharex=share_x, squeeze=False, height_ratios=list(heights))
     return figure, list(axes[:, 0])
 
 
-def side_by_side(count: int, height: float, width: float = 9.0) -> tuple[PlotFigure, list[Axes]]:
-    """Return a figure and its panels, which stand side by side and share their vertical axis. Sizes are in inches."""
+def side_by_side(count: int, height: float) -> tuple[PlotFigure, list[Axes]]:
+    """Return a figure of this height in inches and its panels, which stand side by side and share the vertical axis."""
     with mpl.rc_context(STYLE):
-        figure = PlotFigure(figsize=(width, height), layout="constrained")
+        figure = PlotFigure(figsize=(WIDTH_IN, height), layout="constrained")
         axes = figure.subplots(1, count, sharey=True, squeeze=False)
     return figure, list(axes[0])
 

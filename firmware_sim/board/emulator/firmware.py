@@ -38,12 +38,10 @@ class EmulatedFirmware:
         log_event: Callable[[str], None],
         serial_number: int,
         seed: int = 0,
-        *,
-        hang_hook: bool = False,
     ) -> None:
         """Build and start the firmware for `config.board`. ConfigError if it cannot be built."""
         board = config.board
-        self.chip = Microcontroller(firmware_file(board, hang_hook=hang_hook), Random(seed).getrandbits(32))
+        self.chip = Microcontroller(firmware_file(board), Random(seed).getrandbits(32))
         self.voltage_max_v = SUPPLY_MARGIN * board.supply_limit_a * config.wire.resistance_cold_ohm + SUPPLY_DROP_V
         self._sensors = sensors
         self._log_event = log_event

@@ -99,12 +99,12 @@ class Microcontroller:
         """Reset the microcontroller. `Reset.POWER` also resets the other chips, and gives the RAM a random content."""
         self._library.emulator_reset(self._emulator, cause)
 
-    def hang(self, *, hangs: bool = True) -> None:
-        """Let the main loop hang, or run again with `hangs=False`.
+    def hang(self) -> None:
+        """Let the main loop hang.
 
         This has an effect only on a program that `firmware_file` has built with `hang_hook`.
         """
-        self._ram[_GPIOR0] = hangs
+        self._ram[_GPIOR0] = True
 
     def send(self, data: bytes) -> None:
         """Let the host send `data` at 115200 bits/s, after the bytes that it is still sending."""
@@ -126,9 +126,9 @@ class Microcontroller:
         self._library.emulator_read_eeprom(self._emulator, 0, content, EEPROM_SIZE)
         return content.raw
 
-    def write_eeprom(self, content: bytes, at: int = 0) -> None:
-        """Replace bytes of the EEPROM, beginning at the address `at`."""
-        self._library.emulator_write_eeprom(self._emulator, at, content, len(content))
+    def write_eeprom(self, content: bytes) -> None:
+        """Replace the first bytes of the EEPROM."""
+        self._library.emulator_write_eeprom(self._emulator, 0, content, len(content))
 
     def fill_ram(self, value: int) -> None:
         """Set every byte of the RAM to `value`."""
