@@ -30,9 +30,6 @@ from smadrive.scripting.loop.messages import DrivenRun
 if TYPE_CHECKING:
     import xarray
 
-TRIPPED = "TripError"
-"""The first word of `Log.ended_by` if a trip has ended the run."""
-
 FIGURES = {
     "tracking": "Tracking",
     "heat": "Heat",
@@ -122,7 +119,7 @@ class Run:
     @property
     def trips(self) -> int:
         """1 if a trip has ended the run, otherwise 0."""
-        return int(self.log.ended_by.startswith(TRIPPED))
+        return int(self.log.is_tripped)
 
     @property
     def caveats(self) -> tuple[str, ...]:

@@ -29,9 +29,6 @@ from smadrive.wire.health.sensitivity import LoopWidths
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 from smadrive.wire.wire_model import WireModel, travel_mm
 
-TRIPPED = "TripError"
-"""The first word of `Log.ended_by` after a trip."""
-
 CYCLE = 0.1
 """A movement in one direction by more than this share of the stroke is half a cycle."""
 
@@ -85,7 +82,7 @@ def run_entry(log: Log, wire_file: Path) -> HealthEntry:
         model=key_of(wire.model),
         cycles=cycles_of_path(_moved_mm(log), loop.stroke_mm),
         log=log.path.name,
-        tripped=log.ended_by.startswith(TRIPPED),
+        tripped=log.is_tripped,
         rest_ohm=rest.ohm,
         rest_spread=rest.spread,
         rest_c=rest.at_c,

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smadrive.display.ascii_text import ascii_text
-from smadrive.errors import DataError, SmadriveError
+from smadrive.errors import DataError, SmadriveError, TripError
 from smadrive.files.kinds import LOG, check_kind
 from smadrive.files.spelling import missing_file_cure, suggestion_or_list
 from smadrive.runs.log.content import Content, read_content
@@ -87,6 +87,11 @@ class Log:
     def is_ended_by_user(self) -> bool:
         """True if a signal or `smadrive off` has ended the run."""
         return self.ended_by.startswith((INTERRUPTION, STOP))
+
+    @property
+    def is_tripped(self) -> bool:
+        """True if a trip has ended the run."""
+        return self.ended_by.startswith(TripError.__name__)
 
     @property
     def caveats(self) -> tuple[str, ...]:
