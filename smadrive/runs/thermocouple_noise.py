@@ -26,6 +26,8 @@ MEDIAN_SHARE = 0.6745
 
 def noise_caveats(log: Log) -> tuple[str, ...]:
     """Return a caveat if the thermocouple has much more noise than the rig file says, otherwise nothing."""
+    if "rig" not in log.metadata:
+        return ()
     config = rig_config_of(log)
     noise_c, given_c = measured_noise_c(log.column_with_gaps("temperature_c")), config.feedback.noise_c
     if not noise_c > TOO_NOISY * given_c:
