@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any
 
@@ -97,6 +98,15 @@ def reference_of(log: Log) -> Reference:
 def wire_of(log: Log) -> IdentifiedWire:
     """Return the identified wire of a run, with its heat balance. DataError when the run used no identified wire."""
     return parse_wire(log.text("wire"), f"{log.path}: wire")
+
+
+def texts_of(log: Log, name: str) -> tuple[str, ...]:
+    """Return the list of texts `name` of the metadata. It is empty when the log has no such list."""
+    return log.parsed(name, _texts) if name in log.metadata else ()
+
+
+def _texts(values: Iterable[Any]) -> tuple[str, ...]:
+    return tuple(map(str, values))
 
 
 def _excitation(values: dict[str, Any]) -> Excitation:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import nan
 from typing import Any
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from smadrive.control.loop import LATE_FRACTION, LoopMetrics
 from smadrive.errors import DataError
+from smadrive.identification.quality.thermocouple_noise import noise_caveats
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_metadata import nominal_balance, reference_of, rig_config_of, step_of, wire_of
-from smadrive.runs.thermocouple_noise import noise_caveats
+from smadrive.runs.run_metadata import nominal_balance, reference_of, rig_config_of, step_of, texts_of, wire_of
 from smadrive.wire.data_sheet import resistance_caveats
 from smadrive.wire.wire_model import travel_mm
 
@@ -98,22 +98,19 @@ def tracking_caveats(log: Log) -> tuple[str, ...]:
 
     The first reasons were known before the run, for example that the reference was smoothed.
     """
-    return (*texts_of(log, "caveats"), *_sample_caveats(log), *noise_caveats(log))
+    return (*texts_of(log, "caveats"), *_sample_caveats(log), *_noise_caveats(log))
 
 
 def run_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust the content of a log, or the metrics of its run. The run may be of any kind."""
-    metrics = tracking_caveats(log) if has_setpoint(log) else (*texts_of(log, "caveats"), *noise_caveats(log))
+    metrics = tracking_caveats(log) if has_setpoint(log) else (*texts_of(log, "caveats"), *_noise_caveats(log))
     return (*log.caveats, *metrics, *(_command_caveats(log) if "controller" in log.metadata else ()))
 
 
-def texts_of(log: Log, name: str) -> tuple[str, ...]:
-    """Return the list of texts `name` of the metadata. It is empty when the log has no such list."""
-    return log.parsed(name, _texts) if name in log.metadata else ()
-
-
-def _texts(values: Iterable[Any]) -> tuple[str, ...]:
-    return tuple(map(str, values))
+def _noise_caveats(log: Log) -> tuple[str, ...]:
+    if "rig" not in log.metadata:
+        return ()
+    return noise_caveats(log.column_with_gaps("temperature_c"), rig_config_of(log).feedback.noise_c)
 
 
 def _sample_caveats(log: Log) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The noise of the thermocouple in a log, compared with the `noise_c` of the rig file.
+"""The noise of a thermocouple in its readings, compared with the `noise_c` of the rig file.
 
 The third difference of the readings removes the motion of the wire. White noise of the standard deviation σ gives it
 the standard deviation sqrt(1 + 9 + 9 + 1) σ. The median of its absolute values is robust against spikes and reversals.
@@ -11,8 +11,6 @@ from math import sqrt
 import numpy as np
 
 from smadrive.numerics.arrays import FloatArray
-from smadrive.runs.log.reader import Log
-from smadrive.runs.run_metadata import rig_config_of
 
 LEAST_SAMPLES = 100
 """The noise of fewer samples is unknown."""
@@ -24,12 +22,9 @@ MEDIAN_SHARE = 0.6745
 """Median of the absolute values of Gaussian numbers, in standard deviations."""
 
 
-def noise_caveats(log: Log) -> tuple[str, ...]:
-    """Return a caveat if the thermocouple has much more noise than the rig file says, otherwise nothing."""
-    if "rig" not in log.metadata:
-        return ()
-    config = rig_config_of(log)
-    noise_c, given_c = measured_noise_c(log.column_with_gaps("temperature_c")), config.feedback.noise_c
+def noise_caveats(reading_c: FloatArray, given_c: float) -> tuple[str, ...]:
+    """Return a caveat if the reading has much more noise than the `noise_c` of the rig file, K, otherwise nothing."""
+    noise_c = measured_noise_c(reading_c)
     if not noise_c > TOO_NOISY * given_c:
         return ()
     what = f"the noise of the thermocouple is {noise_c:.2g} K, and noise_c in the rig file is {given_c:g} K"
