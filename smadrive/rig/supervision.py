@@ -41,13 +41,8 @@ def always() -> bool:
     return True
 
 
-def never() -> bool:
-    """Return False: the resistance is not trusted."""
-    return False
-
-
 class WireChecks(NamedTuple):
-    """What is known about the wire of a run, and is checked in this run.
+    """The checks of a run against what is known about its wire.
 
     wire             a displacement outside the range of its model at the measured temperature is a fault. Its
                      resistance checks the thermocouple while no sensor shows the displacement
@@ -61,8 +56,9 @@ class WireChecks(NamedTuple):
 
 
 def wire_checks(wire: WireModel, source: DisplacementFrom, expected: ExpectedRest | None = None) -> WireChecks:
-    """Return the checks of a run whose displacement comes from `source`. With NONE, the resistance is not trusted."""
-    return WireChecks(wire, expected, never if source is DisplacementFrom.NONE else always)
+    """Return the checks of a run whose displacement comes from `source`. With NONE, the resistance checks nothing."""
+    checked = WireModel(wire.model, wire.balance) if source is DisplacementFrom.NONE else wire
+    return WireChecks(checked, expected)
 
 
 def supervisor(config: RigConfig, heater: Heater, balance: HeatBalance, checks: WireChecks | None = None) -> Supervisor:

@@ -27,4 +27,4 @@ class WireProperties:
 
     def identified(self, model: IdentifiedModel) -> IdentifiedWire:
         """Return the wire with the hysteresis model `model`, as its file or a log contains it."""
-        return IdentifiedWire(model, self.balance, resistance=self.resistance)
+        return IdentifiedWire.of(self.wire_model(model))

@@ -124,7 +124,7 @@ class Journal:
 
     def _check_head(self, line: bytes) -> None:
         try:
-            entry = dict(json.loads(line))
+            entry = dict(json.loads(line if line.endswith(b"\n") else b""))
         except (ValueError, TypeError):
             cure = "choose another folder"
             raise DataError(

@@ -98,9 +98,13 @@ def test_damaged_end_of_a_journal_is_repeated(short_campaign, tmp_path, damaged)
     assert (folder / JOURNAL).read_bytes() == whole
 
 
-def test_damaged_first_line_is_named(short_campaign, tmp_path):
-    (tmp_path / JOURNAL).write_bytes(b"\0\0\n")
-    with pytest.raises(DataError) as caught, Journal(tmp_path, short_campaign(), resume=True):
+@pytest.mark.parametrize("damaged", [lambda _line: b"\0\0\n", lambda line: line[:-1]])
+def test_damaged_first_line_is_named(short_campaign, tmp_path, damaged):
+    plan = short_campaign()
+    with Journal(tmp_path / "whole", plan, resume=False) as journal:
+        journal.add(0, RESULT)
+    (tmp_path / JOURNAL).write_bytes(damaged((tmp_path / "whole" / JOURNAL).read_bytes().splitlines(keepends=True)[0]))
+    with pytest.raises(DataError) as caught, Journal(tmp_path, plan, resume=True):
         pass
     assert caught.value.where == str(tmp_path / JOURNAL)
 
