@@ -1,7 +1,8 @@
 """The figures of a campaign: PYTHONPATH=. python tests/benchmarks/campaign.py speed|same|kills|resume [--runs N]
 
 speed    runs that excite, identify and track (six minutes of wire time each), on one worker and on all cores: the ratio
-         of the times, the processor time besides the runs, and the memory of the workers
+         of the times, the processor time besides the runs, and the memory of the workers; beside it the ratio of plain
+         processes without Dask, because the cores of a machine may share their units
 same     short runs of a known wire on 8 workers and on 1 worker: the tables must be equal to the last bit
 kills    short runs while a worker is killed (kill -9) every few seconds: the same table as without
 resume   the command is killed (kill -9) several times and goes on with --resume: the same table as without
@@ -49,7 +50,7 @@ seed = 1
 model = "{model}"
 reference = "sine"
 [[vary]]
-random_wires = {runs}
+repeats = {runs}
 [references.sine]
 shape = "sine:period_s=20,cycles=1"
 smooth = false
@@ -57,6 +58,15 @@ smooth = false
 worst_logs = 0
 """
 PYTHON = (sys.executable, "-m", "smadrive")
+PLAIN = """
+import sys
+from smadrive.campaigns.experiments.run import execute
+from smadrive.campaigns.plan.plan import load_plan
+plan = load_plan(sys.argv[1])
+for number in range(int(sys.argv[2])):
+    execute(plan.run(number))
+"""
+PLAIN_RUNS = 8
 
 
 class Observer:
@@ -136,7 +146,21 @@ def speed(here: Path, runs: int) -> None:
             f"per worker (first half -> largest): {peaks}; load {os.getloadavg()[0]:.1f}; {result['sha256'][:16]}",
             flush=True,
         )
-    print(f"{times[1] / times[usable_cores()]:.2f} x with {usable_cores()} workers")
+    reached, possible = times[1] / times[usable_cores()], plain_ratio(campaign)
+    print(f"{reached:.2f} x with {usable_cores()} workers; plain processes: {possible:.2f} x")
+
+
+def plain_ratio(campaign: Path) -> float:
+    """Return the rate of runs of one plain process per core, divided by the rate of one process alone."""
+    command = (sys.executable, "-c", PLAIN, str(campaign), str(PLAIN_RUNS))
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}  # as in a worker of Dask
+    times = []
+    for count in (1, usable_cores()):
+        began = time.perf_counter()
+        for process in [subprocess.Popen(command, env=environment) for _ in range(count)]:
+            process.wait()
+        times.append(time.perf_counter() - began)
+    return usable_cores() * times[0] / times[1]
 
 
 def first_half(values: list[float]) -> float:
