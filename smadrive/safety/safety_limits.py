@@ -56,3 +56,13 @@ class SafetyLimits:
         if "over_current" in measurement.device_faults:
             return f"{faults}: {measurement.current_a:.3f} A", f"current_max_a = {self.current_max_a:g} A"
         return faults, None
+
+
+def excuses_less_than(measurement: Measurement, commanded_a: float) -> bool:
+    """Return True if a limit of the device explains a current below `commanded_a`.
+
+    A voltage limit alone explains only a current above half of `commanded_a`.
+    """
+    if measurement.device_limits == ("voltage",):
+        return measurement.current_a > 0.5 * commanded_a
+    return bool(measurement.device_limits)

@@ -1,7 +1,8 @@
 """The supervisor: checks every measurement, is independent of the controller, and can always stop the run.
 
 The supervisor latches the first fault. It debounces conditions that noise can cause: these become a fault only when
-several of the latest samples show them. Late, wrong and missing data are faults, too.
+several of the latest samples show them. A sample without the value counts neither way, so a sensor that reads only now
+and then is still checked. Late, wrong and missing data are faults, too.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from smadrive.safety.debounce import Debounce, Persistence
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Contradiction, Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
-from smadrive.safety.safety_limits import SafetyLimits
+from smadrive.safety.safety_limits import SafetyLimits, excuses_less_than
 from smadrive.safety.temperature_band import FROZEN_C, UNBOUNDED, UNFOLLOWED_C, AtLeast, TemperatureBand
 from smadrive.safety.temperature_by_resistance import TemperatureByResistance
 
@@ -57,6 +58,7 @@ class Supervisor:
         self._strayed = Debounce(3, 5)
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
+        self._banded_s: float | None = None  # time of the temperature band
         self._not_following, self._displacement_unknown = Persistence(), Persistence()
         self._limits_displacement = limits.has_displacement
         self._contradicting = Persistence()
@@ -66,7 +68,8 @@ class Supervisor:
     def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
         """Check one measurement, and return the latched trip or None. `setpoint_mm` is NaN without a reference."""
         self.check_fresh(measurement.time_s)
-        before_s, self._fresh_s = self._fresh_s, measurement.time_s
+        before_s, self._fresh_s = self._banded_s, measurement.time_s
+        self._banded_s = measurement.time_s
         dt_s = 0.0 if before_s is None else measurement.time_s - before_s
         if self._by_resistance is not None:
             self._by_resistance.update(measurement)
@@ -106,6 +109,7 @@ class Supervisor:
         check_may_arm(measurement, self._limits, self._contradiction(measurement))
         if self._temperature_band is not None:
             self._temperature_band.start(measurement.temperature_c)
+            self._banded_s = measurement.time_s
 
     def _check_device(self, measurement: Measurement) -> None:
         if measurement.device_faults:
@@ -134,8 +138,8 @@ class Supervisor:
             self._commands.popleft()
         commanded_a = [command_a for _, command_a in self._commands]
         least_a, most_a = min(commanded_a), max(commanded_a)
-        lacking = measured_a < least_a - tolerance_a and not _is_excused(measurement, least_a)
-        if self._mismatch.update(measured_a > most_a + tolerance_a or lacking):
+        lacking = measured_a < least_a - tolerance_a and not excuses_less_than(measurement, least_a)
+        if isfinite(measured_a) and self._mismatch.update(measured_a > most_a + tolerance_a or lacking):
             fault = Fault.CURRENT_MISMATCH if most_a > 0 else Fault.UNEXPECTED_HEATING
             detail = f"{measured_a:.3f} A measured, {least_a:.3f} to {most_a:.3f} A commanded"
             self._raise(fault, measurement.time_s, detail, f"± {tolerance_a:.2g} A")
@@ -194,11 +198,11 @@ class Supervisor:
         if self._limits_displacement and unknown_s > limits.tracking_for_s:
             self._raise(Fault.DISPLACEMENT_UNKNOWN, measurement.time_s, f"no reading for {limits.tracking_for_s:g} s")
         outside = measured_mm < limits.displacement_min_mm or measured_mm > limits.displacement_max_mm
-        if self._strayed.update(outside):
+        if isfinite(measured_mm) and self._strayed.update(outside):
             is_low = measured_mm < limits.displacement_min_mm
             limit = f"{limits.displacement_min_mm if is_low else limits.displacement_max_mm:g} mm"
             self._raise(Fault.OVER_DISPLACEMENT, measurement.time_s, f"{measured_mm:.3f} mm", limit)
-        is_far = abs(setpoint_mm - measured_mm) > limits.tracking_max_mm
+        is_far = abs(setpoint_mm - measured_mm) > limits.tracking_max_mm if isfinite(measured_mm) else None
         if self._not_following.update(measurement.time_s, is_far) > limits.tracking_for_s:
             detail = f"setpoint {setpoint_mm:.3f} mm, measured {measured_mm:.3f} mm, for {limits.tracking_for_s:g} s"
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail, f"{limits.tracking_max_mm:g} mm")
@@ -213,8 +217,11 @@ class Supervisor:
             self._raise(contradiction.fault, measurement.time_s, contradiction.detail)
 
     def _is_compared(self, measurement: Measurement) -> bool:
-        """Return False while the resistance is to be compared with the reading, and is not measured."""
-        return self._by_resistance is None or isfinite(measurement.displacement_mm) or self._by_resistance.is_measured
+        """Return False if the reading, or what it is compared with, is not measured."""
+        if not isfinite(measurement.temperature_c):
+            return False
+        by_resistance = self._by_resistance is not None and self._by_resistance.is_measured
+        return isfinite(measurement.displacement_mm) or by_resistance
 
     def _check_resistance_band(self, measurement: Measurement) -> None:
         if self._resistance_band is not None and (jump := self._resistance_band.jumped(measurement)):
@@ -237,13 +244,3 @@ class Supervisor:
     def _raise(self, fault: Fault, time_s: float, detail: str, limit: str | None = None) -> None:
         if self.trip is None:
             self.trip = Trip(fault, time_s, detail, limit)
-
-
-def _is_excused(measurement: Measurement, commanded_a: float) -> bool:
-    """Return True if a limit of the device explains a current below `commanded_a`.
-
-    A voltage limit alone explains only a current above half of `commanded_a`.
-    """
-    if measurement.device_limits == ("voltage",):
-        return measurement.current_a > 0.5 * commanded_a
-    return bool(measurement.device_limits)

@@ -1,7 +1,7 @@
 """The supervisor: raises each fault for its cause, only after its debounce, and latches the first."""
 
 from dataclasses import replace
-from math import inf, nan
+from math import exp, inf, nan
 
 import pytest
 
@@ -240,6 +240,21 @@ def test_wire_that_does_not_follow_for_too_long_trips():
     assert trips_after(strayed, limits) is None
 
 
+@pytest.mark.parametrize("missing", [1, 2])
+@pytest.mark.parametrize(
+    ("shown_mm", "setpoint_mm", "fault"), [(7.0, nan, Fault.OVER_DISPLACEMENT), (4.0, 5.9, Fault.TRACKING_LOST)]
+)
+def test_displacement_that_is_read_only_now_and_then_is_checked(missing, shown_mm, setpoint_mm, fault):
+    limits = replace(LIMITS, displacement_max_mm=6.0, tracking_max_mm=1.0, tracking_for_s=0.5)
+    samples = [sample(n, displacement_mm=nan if n % (missing + 1) else shown_mm) for n in range(100)]
+    assert trips_after(samples, limits, setpoint_mm)[1] is fault
+
+
+def test_current_that_is_read_only_now_and_then_is_checked():
+    samples = [sample(n, current_a=nan if n % 5 in (1, 3) else 0.1) for n in range(20)]
+    assert trips_after(samples)[1] is Fault.CURRENT_MISMATCH
+
+
 def test_loop_that_is_always_late_trips():
     supervisor = Supervisor(LIMITS)
     assert all(supervisor.check_deadline(n % 15 > 0, 0.05 * n) is None for n in range(1000))
@@ -282,6 +297,11 @@ def test_displacement_outside_the_band_for_a_short_time_or_not_measured_does_not
     assert trips_after([sample(n, temperature_c=115.0) for n in range(500)], band=band) is None
 
 
+def test_contradiction_lasts_through_samples_without_a_reading(band):
+    samples = [sample(n, temperature_c=nan if n % 5 == 0 else 115.0, displacement_mm=0.0) for n in range(200)]
+    assert trips_after(samples, band=band)[1] is Fault.DISPLACEMENT_IMPLAUSIBLE
+
+
 def test_sensor_without_its_zero_prevents_arming(band):
     rest = {"current_a": 0.0, "in_force_a": 0.0, "temperature_c": 22.0}
     Supervisor(LIMITS, displacement_band=band).check_may_arm(sample(displacement_mm=0.5, **rest))
@@ -305,6 +325,16 @@ def in_a_draft(displacement_mm, temperature_c=80.0):
         if trip := supervisor.update(one, nan):
             return trip.fault
     return None
+
+
+def test_hot_wire_that_cools_while_a_slow_supply_is_armed_does_not_trip():
+    balance = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
+    supervisor = Supervisor(LIMITS, TemperatureBand(balance, IDENTIFIED, 0.15))
+    cold = {"current_a": 0.0, "in_force_a": 0.0}
+    supervisor.check_may_arm(sample(0, 100.0, **cold))
+    for n in range(40, 200):
+        time_s = 0.05 * n
+        assert supervisor.update(sample(n, 22.0 + 78.0 * exp(-time_s * 0.012 / 0.029), **cold), nan) is None
 
 
 def test_displacement_proves_that_a_wire_in_a_draft_is_not_too_hot():
