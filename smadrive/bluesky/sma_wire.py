@@ -145,9 +145,9 @@ class SmaWire:
         error here, because the status of the interrupted motion has failed already.
         """
         pending, self._pending = self._pending, []
+        self._setpoint_mm = None
         for motion in pending:
             motion.finish(None if success else MotionError("was stopped", where=self.name))
-        self._setpoint_mm = None
         if self._servo is not None:
             self._end(self._servo)
 
@@ -231,7 +231,7 @@ class SmaWire:
 
     def _running_servo(self) -> Servo:
         if self._servo is None or not self._servo.is_running:
-            self._servo = self._rig.servo(self._wire)
+            self._servo, self._idle = self._rig.servo(self._wire), None
         return self._servo
 
     def _sample(self) -> WireSample:

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 
 from smadrive.errors import MotionError
+from smadrive.scripting.callbacks import succeeds
 
 
 class Motion:
@@ -53,7 +54,10 @@ class Motion:
             raise error
 
     def add_callback(self, callback: Callable[[Motion], None]) -> None:
-        """Call `callback` with this motion when it ends. If it has ended already, call `callback` now."""
+        """Call `callback` with this motion when it ends. If it has ended already, call `callback` now.
+
+        An error of a later call is shown with its traceback, and changes nothing.
+        """
         with self._mutex:
             if not self.done:
                 self._callbacks.append(callback)
@@ -68,7 +72,7 @@ class Motion:
             self._error = error
             self._is_over.set()
         for callback in self._callbacks:
-            callback(self)
+            succeeds(callback, self)
 
     def __repr__(self) -> str:
         state = "under way" if not self.done else "done" if self._error is None else f"failed: {self._error}"

@@ -28,6 +28,7 @@ from smadrive.scripting.arguments import (
     positive_number,
     travel_limits_mm,
 )
+from smadrive.scripting.callbacks import succeeds
 from smadrive.scripting.loop.loop_client import LoopClient
 from smadrive.scripting.loop.messages import DrivenRun, ServoRequest
 from smadrive.scripting.loop.servo_messages import (
@@ -61,7 +62,7 @@ class Servo:
 
     The run is supervised and recorded in a log like every run. After a trip, all motions fail with the TripError.
 
-    takers     functions that are called with each tick, in another thread
+    takers     functions that are called with each tick, in another thread; one that raises an error is called no more
     dropped    number of ticks that this process did not get, because it did not read in time; the log has them
     limits     smallest and greatest displacement that the wire can reach and the rig permits, mm
     """
@@ -231,7 +232,8 @@ class Servo:
         for tick in report.ticks:
             self._latest = tick
             for take in tuple(self.takers):
-                take(tick)
+                if not succeeds(take, tick) and take in self.takers:
+                    self.takers.remove(take)
         for number, error in report.ended:
             with self._mutex:
                 motion = self._motions.pop(number, None)
@@ -245,5 +247,4 @@ def _ended() -> MotionError:
 
 def default_speed_and_tolerance(limits_mm: tuple[float, float]) -> tuple[float, float]:
     """Return the default `speed_mm_per_s` and `tolerance_mm` of a move of a wire with this travel."""
-    travel = limits_mm[1] - limits_mm[0]
-    return PEAK * travel / MOVE_S, TOLERANCE * travel
+    return PEAK * (limits_mm[1] - limits_mm[0]) / MOVE_S, TOLERANCE * (limits_mm[1] - limits_mm[0])

@@ -184,16 +184,18 @@ class LoopClient:
     def _death(self) -> BaseException:
         """Return the error that tells why the process has ended."""
         self.is_end_raised = True
-        with suppress(subprocess.TimeoutExpired):
+        try:
             self._process.wait(ENDS_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
         if self._stop is not None:
             return self._stop
         if self._process.returncode == 0:
             what, cure = "it has ended, because a signal or an error stopped it", "open the rig again"
-            return LoopProcessError(what, where="process of the loop", cure=cure)
+            return LoopProcessError(what, where="loop process", cure=cure)
         return LoopProcessError(
             "it has died; the watchdog of the device, or the guardian, switches the heater off",
-            where="process of the loop",
+            where="loop process",
             value=_status(self._process.returncode),
             cure="confirm with `smadrive off RIG` that the heater is off, then open the rig again",
         )
@@ -220,6 +222,7 @@ class LoopClient:
         except (EOFError, OSError):
             pass
         finally:
+            self._send(END)  # also after an error here: without reports, the loop must not go on
             self._is_lost = True
             self._arrived.set()
 
@@ -239,7 +242,5 @@ def _explained(error: BaseException) -> BaseException:
     return error
 
 
-def _status(code: int | None) -> str:
-    if code is None:
-        return "it does not answer"
+def _status(code: int) -> str:
     return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"

@@ -1,4 +1,4 @@
-"""The process of the loop: it opens the rig, carries out the script's requests, and at the end switches the heater off.
+"""The loop process opens the rig, carries out the script's requests, and at the end switches the heater off.
 
 When the script ends, even by a kill, this process ends the run at zero current, confirms this by read-back, and exits.
 Signals of the terminal do not reach this process; the script sends interruptions to it (script_link.py).

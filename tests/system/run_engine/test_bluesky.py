@@ -1,5 +1,6 @@
 """A wire under a real run engine: protocols, scan, fly, pause, abort, trips, and documents read back."""
 
+import threading
 from math import isnan
 from threading import Timer
 
@@ -159,6 +160,25 @@ def test_interruption_during_a_move_ends_at_zero_current(engine, documents, rig,
     assert is_off(rig, wire)
     engine.abort()
     assert is_off(rig, wire)
+
+
+def test_error_in_a_callback_does_not_keep_the_heater_on(rig, wire, monkeypatch):
+    shown = []
+    monkeypatch.setattr(threading, "excepthook", shown.append)
+    wire.set(6.0).add_callback(lambda _motion: 1 / 0)
+    wire.stop(success=False)
+    assert is_off(rig, wire)
+    assert [one.exc_type for one in shown] == [ZeroDivisionError]
+
+
+def test_readback_after_a_move_is_a_new_measurement(rig, wire):
+    wire.stage()
+    cold_mm = wire.locate()["readback"]
+    wire.set(6.0).wait()
+    wire.stop()
+    assert wire.locate()["readback"] == pytest.approx(rig.measure().displacement_mm, abs=0.1)
+    assert wire.locate()["readback"] > cold_mm + 1.0
+    wire.unstage()
 
 
 def test_trip_is_a_failed_status(engine, documents, identified):

@@ -1,5 +1,6 @@
 """A servo holds the wire and moves it to setpoints that the script gives while the loop runs."""
 
+import threading
 from dataclasses import replace
 from itertools import pairwise
 
@@ -135,6 +136,24 @@ def test_callbacks_are_called_once(servo):
     motion.add_callback(called.append)
     servo.stop()
     assert called == [motion, motion]
+
+
+def fails(_argument):
+    raise ZeroDivisionError
+
+
+def test_error_in_a_function_of_the_script_is_shown_and_ends_nothing(rig, servo, monkeypatch):
+    shown, ticks = [], []
+    monkeypatch.setattr(threading, "excepthook", shown.append)
+    servo.takers += [fails, ticks.append]
+    motion = servo.move(3.0)
+    motion.add_callback(fails)
+    motion.wait()
+    servo.move(4.0).wait()
+    servo.stop()
+    assert [one.exc_type for one in shown] == [ZeroDivisionError] * 2
+    assert ticks[-1].measurement.displacement_mm == pytest.approx(4.0, abs=0.2)
+    assert not rig.measure().armed
 
 
 def test_trip_fails_the_motion_and_ends_at_zero_current(wire, tmp_path):
