@@ -22,7 +22,7 @@ class RunFeed(TickFeed):
     """Writes ticks and status of a run to shared memory. A context manager.
 
     `mode` is the published mode while ticks arrive. The rig must be opened and closed within the context: at its end
-    the status says whether the heater is confirmed off.
+    the status says whether the heater is confirmed off. If the rig cannot be opened, nothing is published.
     """
 
     def __init__(self, writer: SharedWriter, config: RigConfig, mode: str) -> None:
@@ -30,16 +30,18 @@ class RunFeed(TickFeed):
             writer, config, {}, mode=OFF, began_unix_s=None, **dict.fromkeys(("end", "fault", "fault_type"))
         )
         self._running_mode = mode
+        self._has_begun = False
 
     def __enter__(self) -> Self:
-        """Publish the first status."""
-        self._publish()
+        """Return this feed. Nothing is published before `begin`: until then another program may drive the rig."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Publish the end, and the SmadriveError that has ended the run, if any."""
+        """Publish the end, and the SmadriveError that has ended the run, if any. Without `begin`, publish nothing."""
+        if not self._has_begun:
+            return
         outcome = None if error is None else shutdown_of(error)
         is_off = outcome is None or outcome.confirmed
         fault = error if isinstance(error, SmadriveError) else None
@@ -51,8 +53,8 @@ class RunFeed(TickFeed):
         )
 
     def begin(self, rig: Rig) -> None:
-        """Publish the devices of the rig that was opened."""
-        self._identities = rig.identities
+        """Publish the first status, with the devices of the rig that was opened."""
+        self._has_begun, self._identities = True, rig.identities
         self._publish()
 
     def tick(self, tick: Tick) -> None:

@@ -50,7 +50,7 @@ def serve(parameters: dict[str, Any]) -> None:
         publisher.step()
         time.sleep(BUSY_S)
     last = publisher.finish()
-    while not last.is_published() and time.monotonic() < give_up_s:
+    while last is not None and not last.is_published() and time.monotonic() < give_up_s:
         time.sleep(BUSY_S)
     broker.close()
 

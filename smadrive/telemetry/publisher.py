@@ -2,7 +2,8 @@
 
 The ring of rows is the queue. If the broker is away for too long, the loop overwrites the oldest rows before they are
 sent. These rows are counted as dropped. At most `IN_FLIGHT` samples are in flight: handed to the connection, but not
-confirmed yet. So the memory of the process does not grow. A retained message is sent when it changes. After a
+confirmed yet. So the memory of the process does not grow. A retained message is sent when it changes. Without a
+status nothing is sent: the command has no open rig yet, and another program may publish the same rig. After a
 reconnection all retained messages are sent again, because a restarted broker may have forgotten them.
 """
 
@@ -88,7 +89,7 @@ class Publisher:
         self._read_status()
         self._confirm()
         is_new = self._note_connection()
-        if self._broker.is_connected and not is_new:
+        if self._status and self._broker.is_connected and not is_new:
             self._publish_retained()
             self._publish_samples()
 
@@ -102,10 +103,15 @@ class Publisher:
         """True if the broker is connected, and more samples wait than may be in flight."""
         return self._broker.is_connected and self._reader.written - self._next > IN_FLIGHT
 
-    def finish(self) -> Confirmation:
-        """Publish the end: ENDED if the driver has ended its command, otherwise GONE."""
+    def finish(self) -> Confirmation | None:
+        """Publish the end: ENDED if the driver has ended its command, otherwise GONE.
+
+        Return None if there was no status, so that nothing was published.
+        """
         self._counts_due_s = 0.0
         self.step()
+        if not self._status:
+            return None
         return self._publish("driver", GONE if self._status.get("end") is None else ENDED, retain=True)
 
     def _read_status(self) -> None:
@@ -138,9 +144,8 @@ class Publisher:
     def _publish_retained(self) -> None:
         self._publish_change("driver", ONLINE)
         self._publish_change("schema", json.dumps(schema_document()))
-        if self._status:
-            self._publish_change("state", json.dumps(state_message(self._status, self._command)))
-            self._publish_change("faults", json.dumps(faults_message(self._status)))
+        self._publish_change("state", json.dumps(state_message(self._status, self._command)))
+        self._publish_change("faults", json.dumps(faults_message(self._status)))
         if time.monotonic() >= self._counts_due_s:
             self._counts_due_s = time.monotonic() + COUNTS_S
             self._publish_change("publisher", json.dumps(self._counts()))

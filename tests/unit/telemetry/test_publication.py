@@ -16,6 +16,7 @@ from smadrive.control.loop import Tick
 from smadrive.errors import TripError
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
 from smadrive.safety.faults import Fault, Trip
 from smadrive.stream.shared_memory import CAPACITY, SharedWriter
 from smadrive.telemetry.address import parse_address
@@ -41,11 +42,17 @@ class Published:
         self.publication = Publication(parse_address(broker.url, {}), config, "run", self.writer)
         self.feed = RunFeed(self.writer, config, "tracking")
         self.count = 0
+        self.config = config
 
     def __enter__(self):
         self.writer.__enter__()
         self.publication.__enter__()
         self.feed.__enter__()
+        return self
+
+    def begin(self):
+        with Rig(self.config) as rig:
+            self.feed.begin(rig)
         return self
 
     def __exit__(self, *error):
@@ -85,10 +92,22 @@ def test_every_sample_arrives_and_the_last_state_is_retained(broker):
     assert (kept["publisher"]["samples"], kept["publisher"]["dropped"]) == (151, 0)
 
 
+def test_command_whose_rig_does_not_open_publishes_nothing(broker):
+    """Another program may drive the rig, and publish to the same topics."""
+    with Subscriber(broker) as subscriber:
+        with Published(broker) as refused:
+            assert refused.publication.wait_for_broker()
+        with Published(broker) as published:
+            published.begin().tick(1)
+        wait_for(lambda: subscriber.texts("driver")[-1:] == ["ended"])
+    assert subscriber.texts("driver") == ["online", "ended"]
+    assert refused.counts[:2] == (0, 0)
+
+
 def tripped(published):
     """Publish 151 ticks, the last with faults, and trip."""
     with published:
-        published.tick(150)
+        published.begin().tick(150)
         published.tick(device_faults=("over-temperature",), temperature_fault="open")
         raise Trip(Fault.OVER_TEMPERATURE, 7.5, "150 °C").error()
 
@@ -97,7 +116,7 @@ def tripped(published):
 @pytest.mark.exhaustive
 def test_samples_wait_for_a_broker_that_is_away(broker, end):
     with Published(broker) as published:
-        published.tick(20)
+        published.begin().tick(20)
         wait_for(lambda: published.publication.counts.waiting == 0)
         end(broker)
         published.tick(30)
@@ -117,7 +136,7 @@ def test_samples_wait_for_a_broker_that_is_away(broker, end):
 @pytest.mark.exhaustive
 def test_killed_publisher_is_restarted_and_continues(broker):
     with Subscriber(broker) as subscriber, Published(broker) as published:
-        published.tick(20)
+        published.begin().tick(20)
         wait_for(lambda: published.publication.counts.waiting == 0)
         os.kill(published.publication.pid, signal.SIGKILL)
         published.tick(20)
@@ -130,7 +149,7 @@ def test_killed_publisher_is_restarted_and_continues(broker):
 def test_overwritten_samples_are_counted(tmp_path):
     broker = MosquittoBroker(tmp_path)
     with Published(broker) as published:
-        published.tick(CAPACITY + 100)
+        published.begin().tick(CAPACITY + 100)
         with broker, Subscriber(broker) as subscriber:
             wait_for(lambda: published.publication.counts.waiting == 0)
             received = numbers(subscriber)
@@ -148,7 +167,7 @@ def test_off_acts_only_where_the_rig_file_permits_it(broker, is_permitted):
         subscriber.publish(f"{TOPIC}/off", "old", retain=True)
         with Published(broker, config) as published:
             published.publication.on_off = stopped.set
-            published.tick(5)
+            published.begin().tick(5)
             wait_for(lambda: len(numbers(subscriber)) == 5)
             assert not stopped.is_set()
             subscriber.publish(f"{TOPIC}/off")
@@ -184,6 +203,6 @@ def counts_at(url):
     """The counts after five samples were published to the broker at `url`."""
     with Published(SimpleNamespace(url=url)) as published:
         published.publication.wait_for_broker()
-        published.tick(5)
+        published.begin().tick(5)
     assert bool(published.counts.trouble) == (published.counts.samples == 0)
     return published.counts
