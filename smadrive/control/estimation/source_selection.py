@@ -113,11 +113,14 @@ class SourceSelection:
     def adopt(self, state: SourceState, before: SourceSelection) -> SourceState:
         """Return the state with which this selection continues from `state`, a state of the selection `before`.
 
-        If both have the same chosen source, the result is `state`. Otherwise only the measured leads are kept.
+        If both have the same chosen source, the result is `state`. Otherwise only the measured leads are kept, and
+        that the sensor has failed.
         """
         if before._chosen is self._chosen:
             return state
-        return SourceState(state.lead, cold_s=state.cold_s)
+        is_replaced = state.failed and self._chosen is DisplacementFrom.SENSOR
+        kept = SourceState(state.lead, cold_s=state.cold_s, failed=state.failed)
+        return kept._replace(has_sensor=is_replaced, is_replaced=is_replaced)
 
     def start_mm(self, measurement: Measurement) -> float:
         """Return the displacement of the sensor if the sensor is the chosen source, otherwise NaN."""

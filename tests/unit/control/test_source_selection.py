@@ -134,6 +134,19 @@ def test_implausible_sensor_is_replaced(sensor):
     assert np.abs(errors[-100:]).max() < 1.5
 
 
+@pytest.mark.parametrize("between", [DisplacementFrom.RESISTANCE, DisplacementFrom.NONE])
+def test_failed_sensor_stays_failed_when_another_source_was_chosen_meanwhile(between):
+    first, second, third = (
+        SourceSelection(chosen, ResistanceSensor(WIRE, RESISTANCE), 0.01, STROKE_MM)
+        for chosen in (DisplacementFrom.SENSOR, between, DisplacementFrom.SENSOR)
+    )
+    failed = first.start()._replace(failed=True, has_sensor=True, is_replaced=True)
+    other = second.adopt(failed, first)
+    assert other.needs_resistance is False  # so that the source "none" needs no sense current
+    back = third.adopt(other, second)
+    assert (back.failed, back.is_replaced) == (True, True)
+
+
 def test_spikes_do_not_make_a_sensor_fail():
     _, commands = tracked("sensor", lambda time_s, right_mm: right_mm + (1.0 if round(time_s / DT_S) % 40 == 0 else 0))
     assert not all(command.uses_resistance for command in commands[-30:])
