@@ -35,6 +35,7 @@ from smadrive.wire.wire_model import WireModel
 
 PUBLISH_S = 2.0
 
+NEEDS_RULES = "a Duhem model has no rules to adapt"
 NEEDS_SENSOR = "the adaptation learns from a displacement sensor, and the displacement comes from another source"
 SENSOR_FAILED = "the displacement sensor moves differently from the model and the resistance"
 
@@ -51,7 +52,7 @@ class AdaptationRunner:
         self._noise_c = noise_c
         self._observer = self._observer_of(tuning)
         self._estimate: WireEstimate | None = None
-        self._time_s = 0.0
+        self._time_s = self._power_w = 0.0
         self._adaptation: Adaptation | None = None
         self._started_from: Tuning | None = None
         self._published_s = 0.0
@@ -73,9 +74,7 @@ class AdaptationRunner:
                 "the adaptation has ended, and the rules from before the fault are not in force yet", cure="try again"
             )
         if on and isinstance(tuning.model, DuhemModel):
-            raise ConfigError(
-                "a Duhem model has no rules to adapt", cure="identify the wire by `smadrive identify --kind tsfuzzy`"
-            )
+            raise ConfigError(NEEDS_RULES, cure="identify the wire by `smadrive identify --kind tsfuzzy`")
         if on and tuning.displacement_from is not DisplacementFrom.SENSOR:
             source = tuning.displacement_from.value
             raise ConfigError(NEEDS_SENSOR, where="displacement_from", value=source, cure='choose "sensor" first')
@@ -98,9 +97,9 @@ class AdaptationRunner:
         wire_c = self._wire_c(tick.measurement)
         if self._adaptation is None or not is_heating:
             return None
-        if tuning.displacement_from is not DisplacementFrom.SENSOR:
+        if impossible := impossible_with(tuning):
             self._adaptation = self._started_from = None
-            return f"adaptation ended: {NEEDS_SENSOR}"
+            return f"adaptation ended: {impossible}"
         if tuning.change != ADAPTED and tuning is not self._started_from:
             self.switch(True, tuning)
         if source is not None and source.failed:
@@ -113,19 +112,21 @@ class AdaptationRunner:
         return f"adaptation ended: {self._ended.sensor_fault}; the rules from before the fault are put in force"
 
     def _wire_c(self, measurement: Measurement) -> float:
-        """Return the wire temperature in °C, estimated only from heat balance and thermocouple; NaN if unknown."""
+        """Return the wire temperature in °C, estimated only from heat balance and thermocouple; NaN if unknown.
+
+        While the power is unknown, the estimate continues with the last known power.
+        """
         dt_s, self._time_s = measurement.time_s - self._time_s, measurement.time_s
         power_w = measurement.current_a * measurement.voltage_v
-        if not isfinite(power_w):
-            self._estimate = None
-            return nan
+        if is_known := isfinite(power_w):
+            self._power_w = power_w
         if self._estimate is None:
             if not isfinite(measurement.temperature_c):
                 return nan
             self._estimate = self._observer.start(measurement.temperature_c, measurement.displacement_mm)
         elif dt_s > 0.0:
-            self._estimate = self._observer.update(self._estimate, measurement.temperature_c, nan, power_w, dt_s)
-        return self._estimate.temperature_c
+            self._estimate = self._observer.update(self._estimate, measurement.temperature_c, nan, self._power_w, dt_s)
+        return self._estimate.temperature_c if is_known else nan
 
     def due(self, time_s: float, *, is_heating: bool) -> Adaptation | None:
         """Return the adaptation if its rules are due to be put in force, otherwise None.
@@ -142,3 +143,10 @@ class AdaptationRunner:
     def taken(self) -> None:
         """Note that the change queue has accepted the rules. Then `due` does not return an ended adaptation again."""
         self._ended = None
+
+
+def impossible_with(tuning: Tuning) -> str:
+    """Return the reason why the model of `tuning` cannot be adapted; empty if it can."""
+    if isinstance(tuning.model, DuhemModel):
+        return NEEDS_RULES
+    return "" if tuning.displacement_from is DisplacementFrom.SENSOR else NEEDS_SENSOR

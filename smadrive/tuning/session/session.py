@@ -29,7 +29,7 @@ from smadrive.safety.shutdown import ends_safe, shutdown_of
 from smadrive.stream.samples import row_of
 from smadrive.tuning.builder.build import ModelBuilder, tuned_controller
 from smadrive.tuning.link.channel import MESSAGES_PER_TICK, ControlEnd
-from smadrive.tuning.session.adaptation_runner import NEEDS_SENSOR, AdaptationRunner
+from smadrive.tuning.session.adaptation_runner import AdaptationRunner, impossible_with
 from smadrive.tuning.session.arming import Arming
 from smadrive.tuning.session.changes.change_queue import ChangeQueue
 from smadrive.tuning.session.changes.tunings import Tunings
@@ -177,10 +177,10 @@ class TuningSession:
         self._state.live = live
         tuning = self.tunings.in_force
         if tuning.feedback.adapt and not self._adaptation.is_on:
-            if tuning.displacement_from is DisplacementFrom.SENSOR:
-                self._adaptation.switch(True, tuning)
+            if impossible := impossible_with(tuning):
+                self._state.report(f"not adapted: {impossible}")
             else:
-                self._state.report(f"not adapted: {NEEDS_SENSOR}")
+                self._adaptation.switch(True, tuning)
         checks = WireChecks(self._wire.wire_model(tuning.model), self._expected, self.tunings.trust_resistance)
         self._rig.drive(live, self._wire.balance, self._take, checks, self._stop_requested)
 

@@ -14,7 +14,7 @@ from smadrive.errors import ConfigError, SmadriveError
 from smadrive.identification.adaptation.adaptation import Adaptation
 from smadrive.rig.config import RigConfig
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult, ModelBuilder
-from smadrive.tuning.link.requests import AnyRequest, Compare, Keep
+from smadrive.tuning.link.requests import AnyRequest, Compare, Keep, SetValue
 from smadrive.tuning.session.changes.comparison_runner import ComparisonRunner
 from smadrive.tuning.session.changes.jobs import ChangeJob, Job, ReferenceLookup, job_of
 from smadrive.tuning.session.changes.tunings import Tunings
@@ -107,12 +107,18 @@ class ChangeQueue:
         self._tunings.end_comparison()
 
     def _queue(self, job: Job) -> None:
-        """Append a job, or put it in the place of a waiting job that it replaces. ConfigError if too many jobs wait."""
-        for place, waiting in enumerate(self._waiting):
+        """Append a job, or put it in the place of a waiting job that it replaces. ConfigError if too many jobs wait.
+
+        It replaces no job before an undo, or before another job that depends on the order.
+        """
+        for place in reversed(range(len(self._waiting))):
+            waiting = self._waiting[place]
             if job.replaces(waiting):
                 self._waiting[place] = job
                 self._answer(waiting, None)
                 return
+            if not isinstance(waiting.request, SetValue):
+                break
         if len(self._waiting) >= MAX_WAITING:
             raise ConfigError(
                 "too many changes wait", value=len(self._waiting), limit=MAX_WAITING, cure="wait, then try again"

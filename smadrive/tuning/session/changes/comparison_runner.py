@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import nan
 
 from smadrive.control.controllers.swappable import SwappableController
 from smadrive.errors import ConfigError
@@ -20,6 +21,7 @@ class ComparisonRunner:
         self._comparison = tunings.comparison
         self._queue = queue
         self._cycle = 0
+        self._stroke_mm = nan
         self._next: Built | None = None
 
     def start(self, live: SwappableController) -> None:
@@ -29,16 +31,20 @@ class ComparisonRunner:
         """
         self._comparison.start()
         self._cycle, self._next = live.reference.cycle(live.reference_s), None
+        self._stroke_mm = travel_mm(self._comparison.slot("A").model).stroke_mm
         try:
-            self._prepare_next(live)
+            self._prepare_next()
         except ConfigError:
             self._comparison.stop()
             raise
 
     def score(self, error_mm: float) -> None:
-        """Add the tracking error of one tick, in mm, to the score of the running cycle."""
-        cold_mm, hot_mm = travel_mm(self._tunings.in_force.model)
-        self._comparison.sample(error_mm, hot_mm - cold_mm)
+        """Add the tracking error of one tick, in mm, to the score of the running cycle.
+
+        Both tunings are scored in percent of the stroke of A, so that equal errors have equal scores.
+        """
+        if self._comparison.is_on:
+            self._comparison.sample(error_mm, self._stroke_mm)
 
     def update(self, live: SwappableController) -> str:
         """After a complete cycle, score the cycle. Let the other slot's tuning drive if its controller is ready.
@@ -56,12 +62,12 @@ class ComparisonRunner:
         event = self._comparison.end_cycle(self._comparison.next_turn)
         self._tunings.put(self._next, live)
         self._next = None
-        self._prepare_next(live)
+        self._prepare_next()
         return event
 
-    def _prepare_next(self, live: SwappableController) -> None:
+    def _prepare_next(self) -> None:
         tuning = self._comparison.slot(self._comparison.next_turn)
-        self._queue(TurnJob(None, tuning=tuning, reference=live.reference, ready=self._keep))
+        self._queue(TurnJob(None, tuning=tuning, ready=self._keep))
 
     def _keep(self, built: Built) -> None:
         self._next = built

@@ -150,12 +150,11 @@ class TurnJob(Job):
 
     _: KW_ONLY
     tuning: Tuning
-    reference: Reference
     ready: Callable[[Built], None]
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """Return the tuning that drives next in the comparison, and the present reference."""
-        return BuildTarget(self.tuning, None, self.reference)
+        """Return the tuning that drives next in the comparison, and the reference that the loop tracks."""
+        return BuildTarget(self.tuning, None, _running(live))
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
         """Call `ready` with the built tuning and controller. The comparison puts them in force later."""

@@ -5,7 +5,10 @@ import pytest
 
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
+from smadrive.hysteresis.model_file import model_text
+from smadrive.rig.config import FeedbackConfig
 from smadrive.tuning.session.reference_catalogue import ReferenceCatalogue
+from smadrive.tuning.tuning import Tuning
 from smadrive.wire.identified_wire import parse_wire
 from tests.unit.tuning.conftest import REFERENCE
 
@@ -85,6 +88,17 @@ def test_dragged_slider_is_one_step_of_the_history(rig):
     rig.run(until_s=3.0)
     assert rig.status["undo"] is None
     assert rig.status["tuning"]["change"] == "as identified"
+
+
+def test_newer_value_of_a_slider_is_not_put_before_an_undo(rig):
+    rig.do(1.0, lambda: setattr(rig.builder, "is_stopped", True))
+    rig.at(1.1, "feedback", key="closed_loop_s", value=0.5)
+    rig.at(1.2, "shape", key="mu_heating", value=90.5)
+    rig.at(1.3, "undo")
+    rig.at(1.4, "shape", key="mu_heating", value=91.0)
+    rig.do(2.0, lambda: setattr(rig.builder, "is_stopped", False))
+    rig.run(until_s=3.0)
+    assert rig.status["tuning"]["shape"]["mu_heating"] == pytest.approx(91.0)
 
 
 def test_rule_change_outside_the_certificate_is_refused(ruled_rig):
@@ -169,6 +183,24 @@ def test_slider_moved_after_hold_or_start_does_not_undo_it(rig, first, mode):
     rig.run(until_s=30.0)
     assert rig.status["mode"] == mode
     assert rig.status["tuning"]["shape"]["mu_heating"] == pytest.approx(90.2)
+
+
+def test_model_without_rules_ends_the_adaptation_and_not_the_session(ruled_rig, true_model):
+    ruled_rig.at(1.0, "arm")
+    ruled_rig.at(2.0, "adapt", on=True)
+    text = model_text(true_model, {}, place="duhem.json")
+    ruled_rig.at(3.0, "model", text=text, source="duhem.json")
+    ruled_rig.run(until_s=5.0)
+    assert ruled_rig.status["mode"] == "holding"
+    assert not ruled_rig.status["adapts"]
+    assert any("no rules" in event for _, event in ruled_rig.status["events"])
+
+
+def test_session_with_a_model_without_rules_is_armed_even_if_the_rig_file_asks_to_adapt(rig):
+    rig.tuning = lambda _config: Tuning.of(rig.model, FeedbackConfig(adapt=True), "as identified")
+    rig.at(1.0, "arm")
+    rig.run(until_s=2.0)
+    assert (rig.status["mode"], rig.status["adapts"]) == ("holding", False)
 
 
 def test_adaptation_of_a_model_without_rules_is_refused(rig):

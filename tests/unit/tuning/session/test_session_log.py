@@ -12,9 +12,9 @@ from smadrive.cli.views.reports.log_report import state_of, write_log_report
 from smadrive.errors import DataError
 from smadrive.hysteresis.model_file import parse_model
 from smadrive.runs.log.reader import ENDED_BY, STOP, RunEvent, read_log
+from smadrive.runs.metrics.run import run_metrics
 from smadrive.runs.replay import replay
 from smadrive.runs.run_log import record_session
-from smadrive.runs.run_metrics import run_metrics
 from smadrive.runs.session_record import SESSION_ENDED, models_of, plain_events, spans_of, trips_of, tunings_of
 from smadrive.wire.identified_wire import IdentifiedWire
 from tests.unit.tuning.conftest import BALANCE, NONE_A, currents
