@@ -40,6 +40,7 @@ SETTINGS = {
         "MALLOC_TRIM_THRESHOLD_": 65536,
         "DASK_LOGGING__DISTRIBUTED": "critical",
     },
+    "distributed.worker.profile.enabled": False,  # a worker would keep two trees of call stacks for each second
     "distributed.worker.preload": ["smadrive.campaigns.execution.cluster"],
 }
 """Settings of a local cluster. The environment is set before a worker imports numpy and dask."""
