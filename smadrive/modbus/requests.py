@@ -92,8 +92,9 @@ def write_register(address: int, word: int) -> Request:
 
 
 def write_coil(address: int, on: bool) -> Request:
-    """Return a request to write one coil (FC05). ValueError outside the address space."""
+    """Return a request to write one coil (FC05). ValueError outside the address space, and unless `on` is a bool."""
     _check_range(address, 1, 1)
+    _check_states([on])
     pdu = struct.pack(">BHH", 5, address, 0xFF00 if on else 0)
     return Request(pdu, reply_head=pdu, payload_size=0, writes=True)
 
@@ -108,9 +109,10 @@ def write_registers(address: int, words: Sequence[int]) -> Request:
 
 
 def write_coils(address: int, states: Sequence[bool]) -> Request:
-    """Return a request to write consecutive coils (FC15). ValueError outside the standard's limits."""
+    """Return a request to write consecutive coils (FC15). ValueError outside the standard's limits, and for no bool."""
     count = len(states)
     _check_range(address, count, MAX_WRITE_BITS)
+    _check_states(states)
     head = struct.pack(">BHH", 15, address, count)
     packed = packed_bits(states)
     return Request(head + bytes((len(packed),)) + packed, head, payload_size=0, writes=True)
@@ -162,6 +164,12 @@ def _check_words(words: Sequence[int]) -> None:
     for word in words:
         if not (isinstance(word, int) and 0 <= word <= 0xFFFF):
             raise ValueError(f"{word!r} is not a word; a register holds the integers 0 to 65535")
+
+
+def _check_states(states: Sequence[bool]) -> None:
+    for state in states:
+        if state is not True and state is not False:
+            raise ValueError(f"{state!r} is not the state of a coil; a coil is True or False")
 
 
 def _check_range(address: int, count: int, most: int) -> None:

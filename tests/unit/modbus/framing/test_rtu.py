@@ -1,5 +1,7 @@
 """Frames and requests, compared with golden frames of the standard and with pymodbus."""
 
+import re
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -103,6 +105,21 @@ def test_bit_requests_agree_with_pymodbus(first, states):
 )
 def test_request_outside_the_standard_is_refused(make):
     with pytest.raises(ValueError, match="addresses"):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("make", "value"),
+    [
+        (lambda: requests.write_coil(0, "off"), "'off'"),
+        (lambda: requests.write_coils(0, [True, 2]), "2"),
+        (lambda: requests.write_register(0, 0x10000), "65536"),
+        (lambda: requests.write_registers(0, [1, -1]), "-1"),
+        (lambda: requests.exchange(0, [0.5], 0, 1), "0.5"),
+    ],
+)
+def test_value_that_a_coil_or_a_register_cannot_hold_is_refused(make, value):
+    with pytest.raises(ValueError, match=f"^{re.escape(value)} is not"):
         make()
 
 
