@@ -27,12 +27,12 @@ from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import Watch, excite, plan_excitation, track
 from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.metrics.run import TrackingMetrics, tracking_metrics
 from smadrive.runs.run_metadata import excitation_record
-from smadrive.runs.run_metrics import TrackingMetrics, tracking_metrics
 from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.wire_model import travel_mm
+from smadrive.wire.wire_model import Travel, travel_mm
 
 FOLDER = "smadrive-demo"
 SIM = "flexinol-lt-0.15mm"
@@ -127,7 +127,7 @@ class _Session:
 
     def track(self, name: str, inverse: DisplacementInverse, wire: IdentifiedWire) -> DemoRun:
         self.rig.cool_down(REST_S)
-        plan = plan_tracking(self.rig, _reference(*travel_mm(wire.model)), wire, smooth=False, smooth_option="smooth")
+        plan = plan_tracking(self.rig, _reference(travel_mm(wire.model)), wire, smooth=False, smooth_option="smooth")
         self.output.warn(plan.caveats)
         path = self.folder / f"{name.replace(' ', '-')}.h5"
         loop = track(path, self.rig, plan, self._watch(f"tracking, {name}"), inverse, seed=str(self.seed))
@@ -153,6 +153,5 @@ def _unused_folder() -> Path:
     return next(folder for folder in numbered if not folder.exists())
 
 
-def _reference(cold_mm: float, hot_mm: float) -> Reference:
-    low_mm, high_mm = (cold_mm + part * (hot_mm - cold_mm) for part in (LOW, HIGH))
-    return sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=2.0)
+def _reference(travel: Travel) -> Reference:
+    return sine(low_mm=travel.at_mm(LOW), high_mm=travel.at_mm(HIGH), period_s=PERIOD_S, cycles=2.0)

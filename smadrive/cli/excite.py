@@ -22,9 +22,10 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import excite, plan_excitation
 from smadrive.runs.health.recording import health_recorded
-from smadrive.runs.log.reader import read_log
+from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.metrics.caveats import measured_caveats
+from smadrive.runs.metrics.run import tripped_loop_metrics
 from smadrive.runs.run_metadata import excitation_of
-from smadrive.runs.run_metrics import tripped_loop_metrics
 
 
 def main(
@@ -52,10 +53,10 @@ def main(
         try:
             log = read_log(log_file)
             planned, published = excitation_of(log), publication.result()
-            _print_metrics(log_file, tripped_loop_metrics(log), planned, output, published, tripped=str(trip))
+            _print_metrics(log, tripped_loop_metrics(log), planned, output, published, tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
-    _print_metrics(log_file, metrics, excitation, output, publication.result(), tripped=None)
+    _print_metrics(read_log(log_file), metrics, excitation, output, publication.result(), tripped=None)
 
 
 def _excite(
@@ -71,7 +72,7 @@ def _excite(
 
 
 def _print_metrics(
-    log_file: Path,
+    log: Log,
     metrics: LoopMetrics,
     excitation: Excitation,
     output: Output,
@@ -81,13 +82,16 @@ def _print_metrics(
 ) -> None:
     samples, missed = count_text(metrics.ticks, "sample"), count_text(metrics.missed_deadlines, "missed deadline")
     ended = "the heater is off" if tripped is None else "then the run tripped"
-    output.say(f"{log_file}: {samples}, {missed}; {ended}")
+    caveats = measured_caveats(log)
+    output.warn(caveats)
+    output.say(f"{log.path}: {samples}, {missed}; {ended}")
     output.result(
         {
             "ticks": metrics.ticks,
             "missed_deadlines": metrics.missed_deadlines,
             "trips": metrics.trips,
-            "log_file": str(log_file),
+            "log_file": str(log.path),
+            "caveats": caveats,
             "tripped": tripped,
             "plan": excitation.plan,
             "reversal_curves": excitation.reversal_curves,

@@ -23,7 +23,8 @@ from smadrive.rig.config_checks import check_step
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import heat, planned_step_caveats
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.run_metrics import StepMetrics, step_caveats, step_metrics, tripped_loop_metrics
+from smadrive.runs.metrics.run import tripped_loop_metrics
+from smadrive.runs.metrics.step import StepMetrics, step_caveats, step_metrics
 
 
 def main(

@@ -29,7 +29,8 @@ from smadrive.runs.cycling.cycles import CYCLE_HEADER, Cycling, cycle_rows, cycl
 from smadrive.runs.experiments import read_reference, track
 from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.run_metrics import tracking_caveats, tracking_metrics, tripped_loop_metrics
+from smadrive.runs.metrics.caveats import tracking_caveats
+from smadrive.runs.metrics.run import tracking_metrics, tripped_loop_metrics
 from smadrive.runs.tracking_plan import RETURN_S, check_reach, plan_tracking
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 

@@ -154,14 +154,13 @@ def new_log_file(folder: Path) -> Path:
 
 
 def _references(given: list[str], wire: HysteresisModel, limits: LimitsConfig) -> dict[str, Reference]:
-    ends_mm = travel_mm(wire)
+    travel = travel_mm(wire)
     references = {text: read_reference(text) for text in given}
     for one in references.values():
-        one.check_within(ends_mm)
+        one.check_within(travel)
         check_rig_limits(one.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
     if references:
         return references
-    cold_mm, hot_mm = ends_mm
-    low_mm, high_mm = (cold_mm + part * (hot_mm - cold_mm) for part in (LOW, HIGH))
+    low_mm, high_mm = travel.at_mm(LOW), travel.at_mm(HIGH)
     name = f"sine {low_mm:.1f} to {high_mm:.1f} mm, {PERIOD_S:g} s"
     return {name: sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=1)}

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smadrive.control.controllers.tracking import DISPLACEMENT_NOISE, TrackingController
 from smadrive.control.controllers.tracking_feedback import TrackingSettings
@@ -21,10 +20,10 @@ from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.measurement import DisplacementFrom, Measurement
+from smadrive.numerics.arrays import FloatArray
 from smadrive.wire.recorded_loops import Sections, sections_of
 from smadrive.wire.wire_model import WireModel, WireState
 
-Array = NDArray[np.float64]
 Limit = Literal["cooling", "heater", "hysteresis"]
 
 MARGIN = 0.1
@@ -204,7 +203,7 @@ def _ticks(
             reading_c = wire.balance.step_thermocouple(reading_c, before_c, state.temperature_c, dt_s / SUBSTEPS)
 
 
-def _judge(reference: Reference, ticks: Array, travel_mm: float) -> Feasibility:
+def _judge(reference: Reference, ticks: FloatArray, travel_mm: float) -> Feasibility:
     stroke_mm = abs(travel_mm)
     time_s, setpoint_mm, reached_mm, temperature_c, power_w, limit_w = ticks.T
     missed_mm = np.abs(setpoint_mm - reached_mm)
@@ -217,31 +216,31 @@ def _judge(reference: Reference, ticks: Array, travel_mm: float) -> Feasibility:
     scored_mm, scored_s = reference.displacement_mm[scored], float(np.ptp(reference.times_s[scored]))
     nearest = Reference(time_s, reached_mm, reference.scored_from_s, endless=reference.endless)
     return Feasibility(
-        feasible,
-        reference if feasible else nearest,
-        float(missed_mm[worst]),
-        stroke_mm,
-        float(time_s[worst]),
-        _limit(power_w[span], limit_w[span]),
-        float(setpoint_mm[span][-1] - setpoint_mm[span][0]) / duration_s,
-        float(reached_mm[span][-1] - reached_mm[span][0]) / duration_s,
-        float(temperature_c.max()),
-        bool(time_s[worst] < reference.scored_from_s),
-        scored_s,
-        float(np.ptp(scored_mm)),
-        float(np.abs(np.diff(scored_mm)).sum()) / scored_s if scored_s else 0.0,
-        float(scored_mm[0]) if _begins_hot(scored_mm, travel_mm) else None,
-        sections_of(temperature_c, STEADY_C),
+        feasible=feasible,
+        nearest=reference if feasible else nearest,
+        shortfall_mm=float(missed_mm[worst]),
+        stroke_mm=stroke_mm,
+        at_s=float(time_s[worst]),
+        limit=_limit(power_w[span], limit_w[span]),
+        setpoint_mm_per_s=float(setpoint_mm[span][-1] - setpoint_mm[span][0]) / duration_s,
+        reached_mm_per_s=float(reached_mm[span][-1] - reached_mm[span][0]) / duration_s,
+        hottest_c=float(temperature_c.max()),
+        in_approach=bool(time_s[worst] < reference.scored_from_s),
+        scored_s=scored_s,
+        span_mm=float(np.ptp(scored_mm)),
+        speed_mm_per_s=float(np.abs(np.diff(scored_mm)).sum()) / scored_s if scored_s else 0.0,
+        hot_start_mm=float(scored_mm[0]) if _begins_hot(scored_mm, travel_mm) else None,
+        sections_c=sections_of(temperature_c, STEADY_C),
     )
 
 
-def _begins_hot(path_mm: Array, travel_mm: float) -> bool:
+def _begins_hot(path_mm: FloatArray, travel_mm: float) -> bool:
     """Return True if a path begins at the end of its span that the wire reaches when it is hot."""
     hot_mm = path_mm.max() if travel_mm > 0 else path_mm.min()
     return bool(abs(path_mm[0] - hot_mm) < AT_END * np.ptp(path_mm))
 
 
-def _limit(power_w: Array, limit_w: Array) -> Limit:
+def _limit(power_w: FloatArray, limit_w: FloatArray) -> Limit:
     """Return the limit that was active for most of the time in which the wire fell behind; without one: hysteresis."""
     if np.mean(power_w <= 0.0) > 0.5:
         return "cooling"

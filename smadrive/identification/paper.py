@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.identification.tsfuzzy.fit import identify_tsfuzzy
-
-Array = NDArray[np.float64]
+from smadrive.numerics.arrays import FloatArray
 
 SETS = 11
 RANDOM_LOOPS = 100
@@ -55,7 +53,7 @@ def rebuild(duhem: DuhemModel) -> dict[str, TSFuzzyDuhem]:
 def judge(name: str, model: TSFuzzyDuhem, duhem: DuhemModel) -> Errors:
     """Return the errors of the rebuilt `model`, with its `name`, on all loops."""
 
-    def error(path: Array) -> Array:
+    def error(path: FloatArray) -> FloatArray:
         return model.simulate(path) - duhem.simulate(path)
 
     random = np.random.default_rng(7)
@@ -70,21 +68,21 @@ def judge(name: str, model: TSFuzzyDuhem, duhem: DuhemModel) -> Errors:
     )
 
 
-def major_loop() -> Array:
+def major_loop() -> FloatArray:
     """Return the input of the major loop: from -300 to 300 and back."""
     return stretches([-300.0, 300.0, -300.0])
 
 
-def mixed_loop() -> Array:
+def mixed_loop() -> FloatArray:
     """Return the input of the mixed loop: the major loop, followed by shrinking reversals inside it."""
     return stretches([-300.0, 300.0, -300.0, 200.0, -150.0, 120.0, -90.0, 60.0, -300.0])
 
 
-def random_loop(random: np.random.Generator, turns: int) -> Array:
+def random_loop(random: np.random.Generator, turns: int) -> FloatArray:
     """Return an input that goes from -300 through `turns` random turning points between -300 and 300."""
     return stretches([-300.0, *random.uniform(-300.0, 300.0, size=turns).tolist()])
 
 
-def stretches(turns: list[float]) -> Array:
+def stretches(turns: list[float]) -> FloatArray:
     """Return the input through the turning points `turns`, with `SAMPLES_PER_STRETCH` samples from one to the next."""
     return np.concatenate([np.linspace(a, b, SAMPLES_PER_STRETCH) for a, b in pairwise(turns)])

@@ -16,14 +16,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # imports scipy.signal (0.4 s) only at its first use: most programs that import this file fit nothing
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from smadrive.errors import IdentificationError
 from smadrive.identification.excitation import ExcitationRecord
+from smadrive.numerics.arrays import FloatArray
 from smadrive.wire.heat_balance import HeatBalance
-
-Array = NDArray[np.float64]
 
 CORRECTION_BAND_HZ = 0.05
 """The estimate of the wire temperature follows the thermocouple below this frequency, the heat balance above it."""
@@ -63,7 +61,7 @@ class ThermalFit:
     """
 
     balance: HeatBalance
-    wire_temperature_c: Array
+    wire_temperature_c: FloatArray
     within: dict[str, float]
 
 
@@ -72,9 +70,9 @@ class _Samples:
     """The excitation on a uniform time grid."""
 
     dt_s: float
-    power_w: Array
-    reading_c: Array
-    phase: Array
+    power_w: FloatArray
+    reading_c: FloatArray
+    phase: FloatArray
 
 
 def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit:
@@ -112,7 +110,7 @@ def _check_excited(record: ExcitationRecord) -> None:
         raise IdentificationError("the current is always zero", where=FIT, cure="record an excitation that heats")
 
 
-def _phase(displacement: Array, reading: Array) -> Array:
+def _phase(displacement: FloatArray, reading: FloatArray) -> FloatArray:
     """Return the displacement scaled to [0, 1], so that it rises on heating for either sign of the sensor."""
     low, high = np.percentile(displacement, [0.5, 99.5])
     if high - low <= MOVES * np.std(np.diff(displacement)):
@@ -123,11 +121,11 @@ def _phase(displacement: Array, reading: Array) -> Array:
             cure="heat the wire through its transformation (excitation.high_c), and check the sensor",
         )
     rising = np.corrcoef(displacement, reading)[0, 1] >= 0
-    phase: Array = np.clip((displacement - low) / (high - low), 0.0, 1.0)
+    phase: FloatArray = np.clip((displacement - low) / (high - low), 0.0, 1.0)
     return phase if rising else 1.0 - phase
 
 
-def _uniform(record: ExcitationRecord, phase: Array) -> tuple[Array, _Samples]:
+def _uniform(record: ExcitationRecord, phase: FloatArray) -> tuple[FloatArray, _Samples]:
     """Return a time grid, and the samples interpolated to it. The power follows from the interpolated energy."""
     time = record.time_s
     dt_s = float(np.median(np.diff(time)))
@@ -139,7 +137,7 @@ def _uniform(record: ExcitationRecord, phase: Array) -> tuple[Array, _Samples]:
     return grid, samples
 
 
-def _thermal_parameters(balance: HeatBalance) -> Array:
+def _thermal_parameters(balance: HeatBalance) -> FloatArray:
     return np.array(
         [
             balance.heat_capacity_j_per_k,
@@ -151,7 +149,7 @@ def _thermal_parameters(balance: HeatBalance) -> Array:
     )
 
 
-def _simulate(samples: _Samples, parameters: Array) -> tuple[Array, Array]:
+def _simulate(samples: _Samples, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return wire temperature and reading for the parameters (m c, h A, Q, T_a, lag).
 
     The power of a sample belongs to the period before the sample; the phase is linear over each period.
@@ -162,14 +160,14 @@ def _simulate(samples: _Samples, parameters: Array) -> tuple[Array, Array]:
     return wire, _lagged(wire, lag, samples.dt_s, samples.reading_c[0])
 
 
-def _first_order(target: Array, time_constant_s: float, dt_s: float, start: float) -> Array:
+def _first_order(target: FloatArray, time_constant_s: float, dt_s: float, start: float) -> FloatArray:
     """Solve dx/dt = (target - x)/τ for a target that is constant over each period, from x = `start`."""
     decay = np.exp(-dt_s / time_constant_s)
     tail, _ = scipy.signal.lfilter([1.0 - decay], [1.0, -decay], target, zi=[decay * start])
     return np.concatenate(([start], tail))
 
 
-def _lagged(wire: Array, lag_s: float, dt_s: float, start: float) -> Array:
+def _lagged(wire: FloatArray, lag_s: float, dt_s: float, start: float) -> FloatArray:
     """Return the reading of a thermocouple with a first-order lag, for a piecewise linear wire temperature."""
     decay = np.exp(-dt_s / lag_s)
     gain = 1.0 - (1.0 - decay) * lag_s / dt_s
@@ -191,7 +189,7 @@ def _check_intervals(within: dict[str, float]) -> None:
             )
 
 
-def _intervals(jacobian: Array, residual: Array) -> Array:
+def _intervals(jacobian: FloatArray, residual: FloatArray) -> FloatArray:
     """Return half of the 95 % interval of each unknown. Correlated residuals count as fewer samples."""
     correlation = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
     variance = float(np.mean(residual**2)) * (1.0 + correlation) / (1.0 - correlation)
@@ -203,10 +201,10 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, di
     nominal[[2, 4]] = np.maximum(nominal[[2, 4]], [1e-3 * start.heat_capacity_j_per_k, samples.dt_s])
     positive = np.array([True, True, True, False, True])
 
-    def parameters(x: Array) -> Array:
+    def parameters(x: FloatArray) -> FloatArray:
         return np.where(positive, nominal * np.exp(np.where(positive, x, 0.0)), nominal + 10.0 * x)
 
-    def residual(x: Array) -> Array:
+    def residual(x: FloatArray) -> FloatArray:
         return _simulate(samples, parameters(x))[1] - samples.reading_c
 
     bound = np.log(5.0)
@@ -225,7 +223,7 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, di
     return found, dict(zip(NAMES, half.tolist(), strict=True))
 
 
-def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, float], dict[str, float]]:
+def _fit_resistance(record: ExcitationRecord, phase: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
     """Fit R_cold and r of R = R_cold (1 + r w), weighted by the current; return them and half their 95 % intervals."""
     current = record.current_a
     heated = current > MIN_CURRENT_FRACTION * current.max()
@@ -242,7 +240,7 @@ def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, f
     }
 
 
-def _wire_temperature(samples: _Samples, balance: HeatBalance) -> Array:
+def _wire_temperature(samples: _Samples, balance: HeatBalance) -> FloatArray:
     wire, reading = _simulate(samples, _thermal_parameters(balance))
     low_pass = scipy.signal.butter(2, CORRECTION_BAND_HZ, fs=1.0 / samples.dt_s, output="sos")
     return wire + np.asarray(scipy.signal.sosfiltfilt(low_pass, samples.reading_c - reading))

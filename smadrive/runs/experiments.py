@@ -143,8 +143,8 @@ def track(
     ):
         if plan.cycling is None:
             return rig.track(plan.nearest, wire, inverse, record, plan.expected, source)
-        ends_mm, current_max_a = travel_mm(wire.model), rig.config.limits.current_max_a
-        cycles = CycleEvents(recorder.event, plan.nearest, plan.cycling, ends_mm, current_max_a)
+        travel, current_max_a = travel_mm(wire.model), rig.config.limits.current_max_a
+        cycles = CycleEvents(recorder.event, plan.nearest, plan.cycling, travel, current_max_a)
 
         def record_cycles(tick: Tick) -> None:
             cycles.tick(tick)

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from smadrive.numerics.arrays import FloatArray
 
 SETPOINT = "#1f2933"
 MEASURED = "#1d6fb8"
@@ -84,7 +84,7 @@ def side_by_side(count: int, height: float) -> tuple[PlotFigure, list[Axes]]:
     return figure, list(axes[0])
 
 
-def line(ax: Axes, time_s: Array, values: Array, **look: Any) -> None:
+def line(ax: Axes, time_s: FloatArray, values: FloatArray, **look: Any) -> None:
     """Draw a line over time, unless no value is finite.
 
     A line of more than `POINTS` values is reduced to the extremes of short intervals, so that every spike stays.
@@ -108,7 +108,7 @@ def legend(ax: Axes) -> None:
     )
 
 
-def _extremes(values: Array) -> NDArray[np.intp]:
+def _extremes(values: FloatArray) -> NDArray[np.intp]:
     """Return the indices of the points to plot, in order: at most `POINTS` of them, so that no peak is lost.
 
     The values are cut into `POINTS`/2 intervals of equal length. Each interval gives the indices of its smallest and of

@@ -12,23 +12,20 @@ from dataclasses import dataclass
 from math import inf, nan
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smadrive.control.controllers.interface import Command, Controller
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import DisplacementFrom, Measurement
+from smadrive.numerics.arrays import FloatArray
 from smadrive.rig.controllers import excitation_controller, step_controller, tracking_controller
 from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_log import EXCITATION, OBSERVATION, OWN_CONTROLLER, STEP
+from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, step_of, wire_of
-from smadrive.runs.session_record import KIND
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
-
-Array = NDArray[np.float64]
 
 COMMAND_FIELDS = fields_of("command")
 """The columns that a controller computes: name of the column to attribute of `Command`."""
@@ -36,6 +33,22 @@ COMMAND_FIELDS = fields_of("command")
 MEASUREMENT_FIELDS = fields_of("measurement")
 
 RECORD = "record the run again"
+
+NOT_REPLAYED = {
+    RunKind.SESSION: (
+        "a tuning session cannot be replayed, because its tuning and its reference changed while it ran",
+        "save the tuning on the page, and record it with `smadrive run`",
+    ),
+    RunKind.OBSERVATION: (
+        "nothing was controlled while the rig was observed",
+        "replay the log of `run`, `excite` or `heat`",
+    ),
+    RunKind.OWN_CONTROLLER: (
+        "a controller of the user ran, and a log does not hold its code",
+        "call the controller's `update` with the rows of the log, in Python",
+    ),
+}
+"""The reason and the cure for kinds of runs that cannot be replayed."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +74,8 @@ class Replay:
     Logs of older versions lack some of these columns. Such a column is left out.
     """
 
-    time_s: Array
-    columns: dict[str, Array]
+    time_s: FloatArray
+    columns: dict[str, FloatArray]
     differences: dict[str, Difference]
 
     @property
@@ -98,40 +111,36 @@ def _commands(log: Log, controller: Controller) -> Iterator[Command]:
             ) from None
 
 
-def prediction_percent(log: Log, estimated_mm: Array, model: HysteresisModel) -> float:
+def prediction_percent(log: Log, estimated_mm: FloatArray, model: HysteresisModel) -> float:
     """Return the RMS of estimated minus measured displacement, in % of the stroke of `model`.
 
     The result is NaN when the measurement or the estimate of any sample is missing.
     """
-    cold_mm, hot_mm = travel_mm(model)
-    residual = (estimated_mm - log.column_with_gaps("displacement_mm")) / abs(hot_mm - cold_mm)
+    residual = (estimated_mm - log.column_with_gaps("displacement_mm")) / travel_mm(model).stroke_mm
     return float(100.0 * np.sqrt(np.mean(residual**2)))
 
 
 def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
-    if log.metadata.get("kind") == KIND:
-        what = "a tuning session cannot be replayed, because its tuning and its reference changed while it ran"
-        raise DataError(what, where=log.path, cure="save the tuning on the page, and record it with `smadrive run`")
-    config = rig_config_of(log)
-    if log.metadata.get("kind") in (EXCITATION, STEP):
-        if wire is not None:
-            name = "an excitation" if log.metadata["kind"] == EXCITATION else f"a {STEP}"
-            raise DataError(f"{name} uses no model", where=log.path, cure="replay it without --model")
-        if log.metadata["kind"] == STEP:
-            return step_controller(config, step_of(log), nominal_balance(log))
-        return excitation_controller(config, excitation_of(log), nominal_balance(log))
-    if log.metadata.get("kind") == OBSERVATION:
-        what = "nothing was controlled while the rig was observed"
-        raise DataError(what, where=log.path, cure="replay the log of `run`, `excite` or `heat`")
-    if log.metadata.get("kind") == OWN_CONTROLLER:
-        what = "a controller of the user ran, and a log does not hold its code"
-        raise DataError(what, where=log.path, cure="call the controller's `update` with the rows of the log, in Python")
+    if log.kind in NOT_REPLAYED:
+        what, cure = NOT_REPLAYED[log.kind]
+        raise DataError(what, where=log.path, cure=cure)
+    if log.kind is RunKind.TRACKING:
+        return _tracking_controller(log, wire)
+    if wire is not None:
+        what = f"the log of kind '{log.kind.value}' uses no model"
+        raise DataError(what, where=log.path, cure="replay it without --model")
+    if log.kind is RunKind.STEP:
+        return step_controller(rig_config_of(log), step_of(log), nominal_balance(log))
+    return excitation_controller(rig_config_of(log), excitation_of(log), nominal_balance(log))
+
+
+def _tracking_controller(log: Log, wire: IdentifiedWire | None) -> Controller:
     if wire is None and log.metadata.get("inverse") != "hysteresis":
         what = "the run used a plain temperature map instead of a model, and a log does not hold this map"
         raise DataError(what, where=log.path, cure="replay it with a model: --model FILE")
     stepped = (wire or wire_of(log)).wire_model()
     chosen = DisplacementFrom(log.metadata.get("displacement_from", DisplacementFrom.SENSOR))
-    return tracking_controller(config, reference_of(log), stepped, HysteresisInverse(stepped.model), chosen)
+    return tracking_controller(rig_config_of(log), reference_of(log), stepped, HysteresisInverse(stepped.model), chosen)
 
 
 def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:
@@ -144,7 +153,7 @@ def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:
         last_s = time_s
 
 
-def _difference(recorded: Array, replayed: Array, time_s: Array) -> Difference:
+def _difference(recorded: FloatArray, replayed: FloatArray, time_s: FloatArray) -> Difference:
     """Return the difference of two columns. NaN equals NaN: a column that a controller does not compute is NaN."""
     is_different = ~((recorded == replayed) | (np.isnan(recorded) & np.isnan(replayed)))
     if not is_different.any():

@@ -26,27 +26,15 @@ from smadrive.runs.columns import COLUMNS, row_getter
 from smadrive.runs.log.reader import STOP
 from smadrive.runs.log.recorder import Recorder
 from smadrive.runs.log.writer import GROWTH_ROWS
-from smadrive.runs.session_record import KIND
+from smadrive.runs.run_kind import RunKind
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import WireModel
 
 _row = row_getter(COLUMNS)
 
-EXCITATION = "excitation"
-"""The metadata text `kind` of an identification experiment."""
-
-OWN_CONTROLLER = "own controller"
-"""The metadata text `kind` of a run with a controller of the user. The log of such a run cannot be replayed."""
-
-STEP = "manual step"
-"""The metadata text `kind` of a run of the command `heat`."""
-
 BY_RESISTANCE = "warning: the displacement sensor has failed, the resistance of the wire replaces it"
 BY_SENSOR = "the displacement sensor is valid again and used"
 """The texts of the events when the source of the displacement changes."""
-
-OBSERVATION = "observation"
-"""The metadata text `kind` of a log of the command `watch`: measurements without heat."""
 
 WIRE_FILE = "wire_file"
 """Name of the metadata text with the path of the wire file. A log has no such text if its run used no wire file."""
@@ -107,18 +95,18 @@ class TickRecorder(Recorder):
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:
     """Create the log of an identification experiment, and return its recorder. `notes` are further metadata."""
-    metadata = {"kind": EXCITATION, "excitation": json.dumps(asdict(excitation))}
-    return _open(path, rig, {**metadata, **notes}, excitation.duration_s)
+    metadata = {"excitation": json.dumps(asdict(excitation)), **notes}
+    return _open(path, rig, RunKind.EXCITATION, metadata, excitation.duration_s)
 
 
 def record_observation(path: Path, rig: Rig, duration_s: float) -> TickRecorder:
     """Create the log of an observation without heat, and return its recorder."""
-    return _open(path, rig, {"kind": OBSERVATION}, duration_s)
+    return _open(path, rig, RunKind.OBSERVATION, {}, duration_s)
 
 
 def record_step(path: Path, rig: Rig, step: ManualStep, **notes: str) -> TickRecorder:
     """Create the log of a manual step, and return its recorder. `notes` are further metadata."""
-    return _open(path, rig, {"kind": STEP, "step": json.dumps(asdict(step)), **notes}, step.duration_s)
+    return _open(path, rig, RunKind.STEP, {"step": json.dumps(asdict(step)), **notes}, step.duration_s)
 
 
 def record_tracking(
@@ -135,13 +123,12 @@ def record_tracking(
     `displacement_from` replaces the source of the displacement in the rig file.
     """
     metadata = {
-        "kind": "tracking",
         "reference": reference_text(reference),
         "wire": IdentifiedWire.of(wire).text(),
         "inverse": "hysteresis" if isinstance(inverse, HysteresisInverse) else "plain map",
         "displacement_from": (displacement_from or rig.config.displacement_from).value,
     }
-    return _open(path, rig, {**metadata, **notes}, reference.duration_s)
+    return _open(path, rig, RunKind.TRACKING, {**metadata, **notes}, reference.duration_s)
 
 
 def record_controller(
@@ -151,8 +138,8 @@ def record_controller(
 
     `notes` are further metadata.
     """
-    metadata = {"kind": OWN_CONTROLLER, "controller": name, "wire": IdentifiedWire.of(wire).text()}
-    return _open(path, rig, {**metadata, **notes}, duration_s)
+    metadata = {"controller": name, "wire": IdentifiedWire.of(wire).text(), **notes}
+    return _open(path, rig, RunKind.OWN_CONTROLLER, metadata, duration_s)
 
 
 def record_session(path: Path, rig: Rig, wire: IdentifiedWire, **notes: str) -> TickRecorder:
@@ -160,7 +147,7 @@ def record_session(path: Path, rig: Rig, wire: IdentifiedWire, **notes: str) -> 
 
     `notes` are further metadata.
     """
-    return _open(path, rig, {"kind": KIND, "wire": wire.text(), **notes}, inf)
+    return _open(path, rig, RunKind.SESSION, {"wire": wire.text(), **notes}, inf)
 
 
 def reference_text(reference: Reference) -> str:
@@ -176,8 +163,9 @@ def reference_text(reference: Reference) -> str:
     )
 
 
-def _open(path: Path, rig: Rig, metadata: Mapping[str, str], duration_s: float) -> TickRecorder:
+def _open(path: Path, rig: Rig, kind: RunKind, metadata: Mapping[str, str], duration_s: float) -> TickRecorder:
     of_the_rig = {
+        "kind": kind.value,
         "rig": rig.config.model_dump_json(),
         "data_sheet": rig.data_sheet.model_dump_json(),
         "nominal_balance": json.dumps(asdict(rig.nominal_balance)),

@@ -17,7 +17,7 @@ from smadrive.identification.column_units import stroke_caveats, unit_caveats
 from smadrive.identification.excitation import Excitation, ExcitationRecord
 from smadrive.rig.config import RigConfig
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_log import EXCITATION
+from smadrive.runs.run_kind import RunKind
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire, parse_wire
 
@@ -36,9 +36,8 @@ def excitation_record(log: Log) -> ExcitationRecord:
 
     DataError for a log of another experiment, and when a value is missing or not finite.
     """
-    kind = log.text("kind")
-    if kind != EXCITATION:
-        raise DataError("not the log of an excitation", where=log.path, value=kind, cure=IDENTIFIABLE)
+    if log.kind is not RunKind.EXCITATION:
+        raise DataError("not the log of an excitation", where=log.path, value=log.kind.value, cure=IDENTIFIABLE)
     names = [field.name for field in fields(ExcitationRecord)]
     return ExcitationRecord(*(log.column(name) for name in names))
 

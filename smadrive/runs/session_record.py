@@ -17,9 +17,6 @@ from typing import NamedTuple
 from smadrive.runs.log.layout import EVENT_BYTES
 from smadrive.runs.log.reader import Log, RunEvent
 
-KIND = "tuning"
-"""The `kind` of the log of a session."""
-
 SESSION_ENDED = {
     "off": "session ended: heater off, confirmed",
     "unconfirmed": "session ended: the heater could NOT be confirmed off: cut its supply",

@@ -108,13 +108,12 @@ class ResistanceBand:
     def _phases(self, measurement: Measurement) -> tuple[float, float] | None:
         """Return the ends of the range of possible phases; None if neither displacement nor temperature is known."""
         if isfinite(measurement.displacement_mm):
-            phase = (measurement.displacement_mm - self._wire.cold_mm) / self._wire.travel_mm
+            phase = self._wire.phase_at(measurement.displacement_mm)
             return _clamped(phase - MARGIN), _clamped(phase + MARGIN)
         if not isfinite(measurement.temperature_c):
             return None
-        ends_mm = self._displacement_band.band_mm(measurement.temperature_c)
-        first, second = ((end_mm - self._wire.cold_mm) / self._wire.travel_mm for end_mm in ends_mm)
-        return _clamped(first), _clamped(second)
+        first_mm, second_mm = self._displacement_band.band_mm(measurement.temperature_c)
+        return _clamped(self._wire.phase_at(first_mm)), _clamped(self._wire.phase_at(second_mm))
 
     def _checked(self, low_ohm: float, high_ohm: float) -> JumpedResistance | None:
         """Compare the range of one block with the expected resistance, and return the jump or None.

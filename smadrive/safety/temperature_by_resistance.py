@@ -136,5 +136,5 @@ class TemperatureByResistance:
 
     def _ohms(self, temperature_c: float, displacements_mm: tuple[float, float]) -> list[float]:
         """Return the resistances at this temperature and at these displacements, Ω."""
-        phases = [(one_mm - self._wire.cold_mm) / self._wire.travel_mm for one_mm in displacements_mm]
+        phases = [self._wire.phase_at(one_mm) for one_mm in displacements_mm]
         return [self._resistance.ohm(temperature_c, min(max(phase, 0.0), 1.0)) for phase in phases]

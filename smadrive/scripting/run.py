@@ -22,8 +22,10 @@ from smadrive.runs.cycling.cycles import CycleMetrics, cycles_of
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import Log
 from smadrive.runs.log.reader import read_log as read_log_file
+from smadrive.runs.metrics.caveats import run_caveats
+from smadrive.runs.metrics.run import RunMetrics, run_metrics
+from smadrive.runs.metrics.tracking_error import has_setpoint
 from smadrive.runs.plot_style import MEASURED, PlotFigure
-from smadrive.runs.run_metrics import RunMetrics, has_setpoint, run_caveats, run_metrics
 from smadrive.scripting.arguments import path_text
 from smadrive.scripting.loop.messages import DrivenRun
 
@@ -66,7 +68,7 @@ class Run:
     @property
     def kind(self) -> str:
         """`excitation`, `manual step`, `tracking`, `own controller`, `observation` or `tuning`."""
-        return self.log.text("kind")
+        return self.log.kind.value
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -27,13 +27,11 @@ from functools import cached_property
 from math import isfinite
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from smadrive.errors import ModelError
+from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
-
-Array = NDArray[np.float64]
 
 CELLS_PER_NODE = 16
 """The spline is looked up in a table with this number of cells between two nodes."""
@@ -183,12 +181,12 @@ class WireResistance:
         return PiecewiseLinear(places, spline_design(places, nodes) @ np.asarray(self.austenite_ohm))
 
 
-def spline_design(temperature_c: Array, nodes_c: Array) -> Array:
+def spline_design(temperature_c: FloatArray, nodes_c: FloatArray) -> FloatArray:
     """Return the matrix (samples, nodes) that maps the values at the nodes to the values of the spline.
 
     Beyond its nodes the spline is a straight line.
     """
     spline = CubicSpline(nodes_c, np.eye(len(nodes_c)), bc_type="natural")
     inside = np.clip(temperature_c, nodes_c[0], nodes_c[-1])
-    matrix: Array = spline(inside) + (temperature_c - inside)[:, None] * spline(inside, 1)
+    matrix: FloatArray = spline(inside) + (temperature_c - inside)[:, None] * spline(inside, 1)
     return matrix

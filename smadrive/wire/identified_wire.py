@@ -54,12 +54,11 @@ class IdentifiedWire:
 
     def facts(self) -> list[tuple[str, str]]:
         """Return the main properties of the wire for display, as pairs of a name and a text with its unit."""
-        cold_mm, hot_mm = travel_mm(self.model)
         low_c, high_c = self.model.input_range
         facts = [
             self.model.facts()[0],
             ("identified", f"from {low_c:.4g} to {high_c:.4g} °C"),
-            ("stroke", f"{abs(hot_mm - cold_mm):.3g} mm"),
+            ("stroke", f"{travel_mm(self.model).stroke_mm:.3g} mm"),
         ]
         if self.metrics:
             facts.append(("RMS error of the fit", f"{self.metrics['rms_percent']:.2f} % of the span"))

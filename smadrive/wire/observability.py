@@ -12,12 +12,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from smadrive.numerics.arrays import FloatArray
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
-
-Array = NDArray[np.float64]
 
 POINTS = 400
 """Number of temperatures at which a branch is examined."""
@@ -29,9 +27,9 @@ ENDS = 0.03
 class BranchResistance(NamedTuple):
     """One branch of the loop, from cold to hot: temperature in °C, phase, and resistance in Ω, each (points,)."""
 
-    temperature_c: Array
-    phase: Array
-    ohm: Array
+    temperature_c: FloatArray
+    phase: FloatArray
+    ohm: FloatArray
 
 
 def branch_of(wire: WireModel, resistance: WireResistance, *, rising: bool) -> BranchResistance:
@@ -39,7 +37,7 @@ def branch_of(wire: WireModel, resistance: WireResistance, *, rising: bool) -> B
     model = wire.model
     temperature_c = np.linspace(*model.input_range, POINTS)
     y = model.offset + model.scale * model.branch(temperature_c, rising=rising)
-    phase = np.maximum.accumulate((y - wire.cold_mm) / wire.travel_mm)
+    phase = np.maximum.accumulate(wire.phase_at(y))
     ohm = np.array([resistance.ohm(*place) for place in zip(temperature_c.tolist(), phase.tolist(), strict=True)])
     return BranchResistance(temperature_c, phase, ohm)
 
@@ -60,7 +58,7 @@ def lost_band(wire: WireModel, resistance: WireResistance, *, rising: bool) -> t
     lost = np.flatnonzero((falling >= earlier) | (falling <= later))
     if not lost.size:
         return None
-    low, high = wire.cold_mm + wire.travel_mm * phase[lost[[0, -1]]]
+    low, high = wire.displacement_mm(phase[lost[[0, -1]]])
     return float(min(low, high)), float(max(low, high))
 
 

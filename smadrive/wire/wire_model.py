@@ -12,11 +12,14 @@ the wrong sign. A negative slope counts as zero: the state then only returns to 
 from __future__ import annotations
 
 from math import ceil
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from smadrive.hysteresis import HysteresisModel, HysteresisState, IdentifiedModel
+from smadrive.numerics.arrays import FloatArray
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
+
+NumberT = TypeVar("NumberT", float, FloatArray)
 
 SHORT_WAY_C = 0.1
 """Change of temperature over which the slope of the hysteresis counts as constant, K."""
@@ -35,10 +38,26 @@ class WireState(NamedTuple):
     hysteresis: HysteresisState
 
 
-def travel_mm(model: HysteresisModel) -> tuple[float, float]:
-    """Return the displacements of the cold and of the fully heated wire: the ends of the model's major loop, in mm."""
+class Travel(NamedTuple):
+    """The displacements of the cold and of the fully heated wire, in mm."""
+
+    cold_mm: float
+    hot_mm: float
+
+    @property
+    def stroke_mm(self) -> float:
+        """The distance between the two ends, in mm; it is positive."""
+        return abs(self.hot_mm - self.cold_mm)
+
+    def at_mm(self, phase: NumberT) -> NumberT:
+        """Return the displacement in mm at a phase: 0 for the cold wire, 1 for the fully heated wire."""
+        return self.cold_mm + phase * (self.hot_mm - self.cold_mm)
+
+
+def travel_mm(model: HysteresisModel) -> Travel:
+    """Return the travel of a model: the ends of its major loop."""
     cold_c, hot_c = model.input_range
-    return model.initial_state(cold_c).y, model.initial_state(hot_c).y
+    return Travel(model.initial_state(cold_c).y, model.initial_state(hot_c).y)
 
 
 class WireModel:
@@ -117,3 +136,11 @@ class WireModel:
     def phase(self, hysteresis: HysteresisState) -> float:
         """Return the phase at a state of the hysteresis: 0 for the cold wire, 1 for the fully heated wire."""
         return (hysteresis.y - self.cold_mm) / self.travel_mm
+
+    def phase_at(self, displacement_mm: NumberT) -> NumberT:
+        """Return the phase at a displacement in mm."""
+        return (displacement_mm - self.cold_mm) / self.travel_mm
+
+    def displacement_mm(self, phase: NumberT) -> NumberT:
+        """Return the displacement in mm at a phase."""
+        return self.cold_mm + self.travel_mm * phase

@@ -104,11 +104,10 @@ class Takeover:
 
 def random_reference(wire: WireModel, random: Random) -> Reference:
     """Return a random sine within the travel, with an approach from the cold wire."""
-    cold_mm, hot_mm = travel_mm(wire.model)
     low, high = random.uniform(0.1, 0.45), random.uniform(0.55, 0.9)
-    low_mm, high_mm = (cold_mm + share * (hot_mm - cold_mm) for share in (low, high))
-    path = sine(low_mm=low_mm, high_mm=high_mm, period_s=random.uniform(45.0, 80.0), cycles=3)
-    return path.with_approach(cold_mm, APPROACH_S)
+    travel = travel_mm(wire.model)
+    path = sine(low_mm=travel.at_mm(low), high_mm=travel.at_mm(high), period_s=random.uniform(45.0, 80.0), cycles=3)
+    return path.with_approach(travel.cold_mm, APPROACH_S)
 
 
 def outcome_of(start: int, run: PlannedRun, knowledge: WireKnowledge) -> Outcome:

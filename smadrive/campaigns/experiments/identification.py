@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smadrive.campaigns.experiments.columns import Row, Value
 from smadrive.campaigns.experiments.simulated_rig import EXCITATION, SimulatedRig, simulated_wire, wire_row
@@ -14,12 +13,11 @@ from smadrive.campaigns.plan.plan import PlannedRun
 from smadrive.control.loop import Tick
 from smadrive.identification.excitation import ExcitationRecord, check_may_excite
 from smadrive.identification.wire import AnyFit, identify_wire
+from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.record_fit import fit_file
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 from smadrive.wire.wire_model import travel_mm
-
-Array = NDArray[np.float64]
 
 
 class WireKnowledge(NamedTuple):
@@ -29,8 +27,8 @@ class WireKnowledge(NamedTuple):
     """
 
     wire: IdentifiedWire
-    temperature_c: Array
-    displacement_mm: Array
+    temperature_c: FloatArray
+    displacement_mm: FloatArray
     row: Row
     cpu_s: float = 0.0
 
@@ -81,13 +79,12 @@ def _record(ticks: list[Tick]) -> ExcitationRecord:
 
 
 def _fit_row(fit: AnyFit, balance: HeatBalance | None, record_s: float) -> Row:
-    cold_mm, hot_mm = travel_mm(fit.model)
     row: dict[str, Value] = {
         "fit_rms_percent": fit.rms_percent,
         "fit_max_percent": fit.max_percent,
         "certified": bool(fit.certificate.holds),
         "excitation_s": record_s,
-        "identified_stroke_mm": abs(hot_mm - cold_mm),
+        "identified_stroke_mm": travel_mm(fit.model).stroke_mm,
     }
     names = ("heat_capacity_j_per_k", "loss_w_per_k", "latent_heat_j", "resistance_cold_ohm")
     return row if balance is None else row | {f"identified_{name}": getattr(balance, name) for name in names}

@@ -18,7 +18,7 @@ from smadrive.files.csv_table import read_table
 from smadrive.rig.config import RigConfig
 from smadrive.rig.controllers import tracking_settings
 from smadrive.runs.tracking_plan import APPROACH_S
-from smadrive.wire.wire_model import WireModel, WireState, travel_mm
+from smadrive.wire.wire_model import Travel, WireModel, WireState, travel_mm
 
 
 class PlannedReference(NamedTuple):
@@ -34,10 +34,11 @@ def planned_reference(config: ReferenceConfig, wire: WireModel, rig: RigConfig) 
     ConfigError for a reference outside the travel of the wire or the displacement limits of the rig, DataError for an
     unusable table.
     """
-    requested = _requested(config, *travel_mm(wire.model))
+    travel = travel_mm(wire.model)
+    requested = _requested(config, travel)
     check_rig_limits(requested.scored_mm, rig.limits.displacement_min_mm, rig.limits.displacement_max_mm)
-    requested.check_within(travel_mm(wire.model))
-    path = requested.with_approach(travel_mm(wire.model)[0], APPROACH_S)
+    requested.check_within(travel)
+    path = requested.with_approach(travel.cold_mm, APPROACH_S)
     if not config.smooth:
         return PlannedReference(path, smoothed=False)
     ambient_c = wire.balance.ambient_c
@@ -46,20 +47,20 @@ def planned_reference(config: ReferenceConfig, wire: WireModel, rig: RigConfig) 
     return PlannedReference(simulated.nearest, not simulated.feasible)
 
 
-def _requested(config: ReferenceConfig, cold_mm: float, hot_mm: float) -> Reference:
+def _requested(config: ReferenceConfig, travel: Travel) -> Reference:
     if config.file is not None:
-        return _from_table(Path(config.file), cold_mm, hot_mm)
+        return _from_table(Path(config.file), travel)
     assert config.shape is not None
     if "_mm=" in config.shape.replace(" ", ""):
         return parse_reference(config.shape)
-    low_mm, high_mm = (cold_mm + phase * (hot_mm - cold_mm) for phase in (config.low, config.high))
+    low_mm, high_mm = travel.at_mm(config.low), travel.at_mm(config.high)
     separator = "," if ":" in config.shape else ":"
     return parse_reference(f"{config.shape}{separator}low_mm={low_mm!r},high_mm={high_mm!r}")
 
 
-def _from_table(path: Path, cold_mm: float, hot_mm: float) -> Reference:
+def _from_table(path: Path, travel: Travel) -> Reference:
     table = read_table(path)
     times_s = table.column("time_s")
     if "phase" not in table.cells:
         return Reference.from_samples(times_s, table.column("displacement_mm"))
-    return Reference.from_samples(times_s, cold_mm + (hot_mm - cold_mm) * table.column("phase"))
+    return Reference.from_samples(times_s, travel.at_mm(table.column("phase")))

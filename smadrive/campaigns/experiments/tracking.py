@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.errors import TripError
 from smadrive.rig.rig import Rig
 from smadrive.rig.supervision import wire_checks
+from smadrive.runs.metrics.series import energy_j, of_finite, rms_and_max
 from smadrive.runs.run_log import TickRecorder, record_tracking
 from smadrive.wire.wire_model import WireModel
 
@@ -54,20 +54,17 @@ class TickSeries:
         reference = planned.reference
         setpoint_mm = np.array([reference.value_mm(one_s) for one_s in time_s])
         percent = 100.0 * (setpoint_mm - reached_mm)[time_s >= reference.scored_from_s] / stroke_mm
-        if percent.size == 0:
-            return {"rms_percent": nan, "max_percent": nan}
-        return {"rms_percent": float(np.sqrt(np.mean(percent**2))), "max_percent": float(np.abs(percent).max())}
+        return dict(zip(("rms_percent", "max_percent"), rms_and_max(percent), strict=True))
 
     def heat_row(self) -> Row:
         """Return energy, highest true temperature, largest current, and the share of ticks at a limit."""
         time_s, _, temperature_c, current_a, voltage_v, limited = self._columns()
         if time_s.size == 0:
             return {}
-        power_w = current_a * voltage_v
         return {
-            "energy_j": float(np.nansum(power_w[1:] * np.diff(time_s))),
+            "energy_j": energy_j(time_s, current_a, voltage_v),
             "temperature_max_c": float(temperature_c.max()),
-            "current_max_a": float(np.nanmax(current_a)) if np.isfinite(current_a).any() else nan,
+            "current_max_a": of_finite(np.max, current_a),
             "limited_percent": 100.0 * float(np.mean(limited)),
         }
 

@@ -6,20 +6,18 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smadrive.campaigns.experiments.columns import COLUMNS
 from smadrive.campaigns.plan.axes import Axis
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.results.sensitivity import ColumnShare
 from smadrive.campaigns.results.summary import level_text
+from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.plot_style import FAINT, LIMIT, MEASURED, SETPOINT, legend, panels
 from smadrive.runs.report import Plot
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-Array = NDArray[np.float64]
 
 BINS = 40
 MOST_LEVELS = 24
@@ -97,8 +95,8 @@ def _axis_plot(axis: Axis, table: DataFrame, metric: str) -> Plot:
     return Plot(f"By {axis.name}", figure, caption)
 
 
-def _finite(table: DataFrame, metric: str) -> Array:
-    values: Array = table[metric].to_numpy(dtype=np.float64)
+def _finite(table: DataFrame, metric: str) -> FloatArray:
+    values: FloatArray = table[metric].to_numpy(dtype=np.float64)
     return values[np.isfinite(values)]
 
 

@@ -27,11 +27,10 @@ from scipy.stats import rankdata
 
 from smadrive.campaigns.experiments.columns import WIRE
 from smadrive.campaigns.plan.plan import CampaignPlan
+from smadrive.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-Array = NDArray[np.float64]
 
 FEWEST_RUNS = 8
 """Smallest number of runs for which shares are computed."""
@@ -66,7 +65,7 @@ def sensitivities(plan: CampaignPlan, table: DataFrame, metric: str) -> list[Col
     return sorted(found, key=lambda one: one.share, reverse=True)
 
 
-def _shares(plan: CampaignPlan, runs: DataFrame, metric: Array) -> Iterator[ColumnShare]:
+def _shares(plan: CampaignPlan, runs: DataFrame, metric: FloatArray) -> Iterator[ColumnShare]:
     for axis in plan.axes:
         codes = np.unique(runs[axis.name].to_numpy(), return_inverse=True)[1]
         if 1 < np.unique(codes).size < len(runs):
@@ -75,7 +74,7 @@ def _shares(plan: CampaignPlan, runs: DataFrame, metric: Array) -> Iterator[Colu
             yield from _of_properties(runs, codes, metric)
 
 
-def _of_levels(name: str, codes: NDArray[np.intp], metric: Array) -> ColumnShare:
+def _of_levels(name: str, codes: NDArray[np.intp], metric: FloatArray) -> ColumnShare:
     ranks, levels, n = rankdata(metric), np.unique(codes), metric.size
     means, counts = _means(ranks, codes), np.bincount(codes)[levels]
     spread = float(np.sum((ranks - ranks.mean()) ** 2))
@@ -85,7 +84,7 @@ def _of_levels(name: str, codes: NDArray[np.intp], metric: Array) -> ColumnShare
     return ColumnShare(name, max(share, 0.0), min(medians), max(medians))
 
 
-def _of_properties(runs: DataFrame, codes: NDArray[np.intp], metric: Array) -> Iterator[ColumnShare]:
+def _of_properties(runs: DataFrame, codes: NDArray[np.intp], metric: FloatArray) -> Iterator[ColumnShare]:
     """Yield the shares of the properties that differ from wire to wire. `codes` are the wires of the runs."""
     first = np.unique(codes, return_index=True)[1]
     if first.size < FEWEST_WIRES:
@@ -99,17 +98,17 @@ def _of_properties(runs: DataFrame, codes: NDArray[np.intp], metric: Array) -> I
             yield ColumnShare(name, share, *_medians_of_fifths(values, metric))
 
 
-def _corrected_rho2(values: Array, means: Array) -> float:
+def _corrected_rho2(values: FloatArray, means: FloatArray) -> float:
     rho = float(np.corrcoef(rankdata(values), rankdata(means))[0, 1]) if np.ptp(means) else 0.0
     return max(1.0 - (1.0 - rho**2) * (values.size - 1) / (values.size - 2), 0.0)
 
 
-def _medians_of_fifths(values: Array, metric: Array) -> tuple[float, float]:
+def _medians_of_fifths(values: FloatArray, metric: FloatArray) -> tuple[float, float]:
     """Return the median of the metric in the lowest and in the highest fifth of the values."""
     fifth, by_value = max(values.size // 5, 1), metric[np.argsort(values, kind="stable")]
     return float(np.median(by_value[:fifth])), float(np.median(by_value[-fifth:]))
 
 
-def _means(ranks: Array, codes: NDArray[np.intp]) -> Array:
+def _means(ranks: FloatArray, codes: NDArray[np.intp]) -> FloatArray:
     """Return the mean rank of each level, in the order of the levels."""
     return np.array([ranks[codes == level].mean() for level in np.unique(codes)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isnan
 
-from smadrive.runs.run_metrics import TrackingMetrics
+from smadrive.runs.metrics.run import TrackingMetrics
 
 HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 

@@ -22,7 +22,7 @@ def resistance_rows(record: RecordFit) -> list[tuple[str, str, str]]:
         (
             "change over the stroke",
             f"{100 * fit.change:+.2f} %",
-            f"±{100 * fit.within['change']:.2f} %, one temperature",
+            f"±{100 * fit.within['change']:.2f} %, at one temperature",
         ),
         ("noise of a sample", f"{100 * fit.noise_phase:.2f} %", "of the stroke, at the median current of the record"),
     ]

@@ -32,15 +32,14 @@ from math import exp, log
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from smadrive.control.estimation.innovation import DisturbanceEvidence
 from smadrive.control.estimation.process_noise import NOISY, PRECISE, ProcessNoise
+from smadrive.numerics.arrays import FloatArray
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
-Array = NDArray[np.float64]
 GainRows = tuple[tuple[float, ...], ...]
 
 CACHED_GAINS = 4096
@@ -191,7 +190,7 @@ def _joint_gain(
     return tuple((of_reading, of_phase) for of_reading, of_phase in gain.tolist())
 
 
-def _thermal(balance: HeatBalance, period_s: float, slope: float, noise: ProcessNoise) -> tuple[Array, Array]:
+def _thermal(balance: HeatBalance, period_s: float, slope: float, noise: ProcessNoise) -> tuple[FloatArray, FloatArray]:
     """Return the transition and the process noise of (T, T_tc, d) over one period, both of shape (3, 3)."""
     capacity = balance.heat_capacity_j_per_k + balance.latent_heat_j * slope
     keep = exp(-period_s * balance.loss_w_per_k / capacity)
@@ -203,9 +202,9 @@ def _thermal(balance: HeatBalance, period_s: float, slope: float, noise: Process
     return transition, period_s * np.diag([noise.wire_c**2, (0.1 * noise.wire_c) ** 2, drift_w**2])
 
 
-def _gain(transition: Array, reads: Array, process: Array, noise: Array) -> Array:
+def _gain(transition: FloatArray, reads: FloatArray, process: FloatArray, noise: FloatArray) -> FloatArray:
     covariance = np.asarray(solve_discrete_are(transition.T, reads.T, process, noise), dtype=np.float64)
-    gain: Array = covariance @ reads.T @ np.linalg.inv(reads @ covariance @ reads.T + noise)
+    gain: FloatArray = covariance @ reads.T @ np.linalg.inv(reads @ covariance @ reads.T + noise)
     return gain
 
 

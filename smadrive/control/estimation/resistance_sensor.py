@@ -92,7 +92,7 @@ class ResistanceSensor:
         resistance = self._resistance
         later = lead.later(resistance.martensite_ohm, dt_s)
         if isfinite(sensor.mm):
-            phase = (sensor.mm - self._wire.cold_mm) / self._wire.travel_mm
+            phase = self._wire.phase_at(sensor.mm)
             noise = sensor.noise_mm / self._wire.travel_mm
         elif self.is_cold(before):
             phase, noise = 0.0, COLD_PHASE
@@ -130,7 +130,7 @@ class ResistanceSensor:
         noise = sqrt((resistance.noise_v / measurement.current_a) ** 2 + AVERAGED * constant) / abs(slope)
         if not (noise < MOST_NOISE and -MOST_JUMP < phase < 1.0 + MOST_JUMP):
             return NO_READING
-        return DisplacementReading(wire.cold_mm + wire.travel_mm * phase, noise * abs(wire.travel_mm))
+        return DisplacementReading(wire.displacement_mm(phase), noise * abs(wire.travel_mm))
 
     def is_cold(self, before: WireEstimate) -> bool:
         """Return True if the wire is so cold in the estimate `before` that it is martensite after any history."""

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from smadrive.errors import ConfigError, DataError
-
-Array = NDArray[np.float64]
+from smadrive.numerics.arrays import FloatArray
 
 WHERE = "reference"
 """The part `where` of the errors about references."""
@@ -64,7 +60,7 @@ def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONG
         raise DataError("too many samples", where=WHERE, value=pieces, limit=most, cure="lower the number of samples")
 
 
-def check_rig_limits(scored_mm: Array, low_mm: float | None, high_mm: float | None) -> None:
+def check_rig_limits(scored_mm: FloatArray, low_mm: float | None, high_mm: float | None) -> None:
     """Raise ConfigError when the displacements of a reference, mm, exceed a limit of the rig: the run would trip.
 
     `low_mm` is displacement_min_mm and `high_mm` is displacement_max_mm of the rig file; None is no limit.

@@ -13,7 +13,7 @@ from functools import cached_property
 from math import inf, isclose
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from smadrive.control.references.limits import (
     LONGEST_REPEATED_S,
@@ -25,11 +25,9 @@ from smadrive.control.references.limits import (
 from smadrive.display.card import card
 from smadrive.display.line_plot import Curve, line_plot
 from smadrive.errors import ConfigError, DataError
-from smadrive.numerics.arrays import float_array
+from smadrive.numerics.arrays import FloatArray, float_array
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
 from smadrive.numerics.scalars import whole_number
-
-Array = NDArray[np.float64]
 
 CLOSED_MM = 1e-6
 """A reference whose ends differ by less than this, mm, needs no way back before it is repeated."""
@@ -47,8 +45,8 @@ class Reference:
     cycles.
     """
 
-    times_s: Array
-    displacement_mm: Array
+    times_s: FloatArray
+    displacement_mm: FloatArray
     scored_from_s: float = 0.0
     endless: bool = False
     repeats: int = 1
@@ -161,7 +159,7 @@ class Reference:
         return self.cycle(time_s) * self.cycle_s if self.endless or self.repeats > 1 else 0.0
 
     @property
-    def scored_mm(self) -> Array:
+    def scored_mm(self) -> FloatArray:
         """The displacements after the approach, mm."""
         return self.displacement_mm[self.times_s >= self.scored_from_s]
 
@@ -230,14 +228,14 @@ class Reference:
         )
 
 
-def _sizes(times: Array, values: Array) -> str:
+def _sizes(times: FloatArray, values: FloatArray) -> str:
     """Return the lengths of both columns as text, or their shapes if a column has more than one dimension."""
     if times.ndim == values.ndim == 1:
         return f"{times.size} times and {values.size} displacements"
     return f"shapes {times.shape} and {values.shape}"
 
 
-def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> Array:
+def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> FloatArray:
     """Return a table of the smoothest (minimum-jerk) path between two points at rest."""
     s = np.linspace(0.0, 1.0, max(3, int(within_s / TABLE_STEP_S)))
     return from_mm + (to_mm - from_mm) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)

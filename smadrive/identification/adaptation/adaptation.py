@@ -41,7 +41,7 @@ from smadrive.hysteresis.reversal import DeadBand
 from smadrive.identification.adaptation.likely_changes import LikelyChanges
 from smadrive.identification.adaptation.plane_state import UNMOVED, PlaneState
 from smadrive.identification.adaptation.rules_state import RulesState, rates_of
-from smadrive.identification.adaptation.travel import Travel
+from smadrive.identification.adaptation.travelled_ranges import TravelledRanges
 from smadrive.numerics.arrays import FloatArray
 
 
@@ -108,7 +108,7 @@ class Adaptation:
         self._v: float | None = None
         self._disbelieved, self._believed_error, self._since_believed_c = 0, 0.0, 0.0
         self._predicted: float
-        self._travel: Travel
+        self._travel: TravelledRanges
         self.sensor_fault: str | None = None
         self._marked = deque([self._theta], TRUSTED_MARKS)
 
@@ -225,7 +225,7 @@ class Adaptation:
 
     def _mark(self, measured: float) -> None:
         """Keep the present parameters and begin a new check: the sensor has followed the wire since the last check."""
-        self._travel = Travel(measured)
+        self._travel = TravelledRanges(measured)
         self._marked.append(self._theta)
 
     def end(self, why: str) -> None:

@@ -14,12 +14,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from smadrive.numerics.arrays import FloatArray
 from smadrive.wire.identified_resistance import LEAST_NODES, spline_design
-
-Array = NDArray[np.float64]
 
 NODE_C = 4.0
 """Distance of the nodes of g, K. An R-phase changes the resistance within about 10 K."""
@@ -40,12 +38,12 @@ All three are shares of the length of the wire.
 class ResistanceSamples(NamedTuple):
     """The samples of the fit, each (samples,). `rate` is dR/dt, Ω/s, or 0 before the first fit."""
 
-    time_s: Array
-    temperature_c: Array
-    phase: Array
-    ohm: Array
-    current_a: Array
-    rate: Array
+    time_s: FloatArray
+    temperature_c: FloatArray
+    phase: FloatArray
+    ohm: FloatArray
+    current_a: FloatArray
+    rate: FloatArray
 
 
 class ResistanceDesign(NamedTuple):
@@ -60,10 +58,10 @@ class ResistanceDesign(NamedTuple):
     """
 
     samples: ResistanceSamples
-    nodes: Array
-    spline: Array
-    warmer_k: Array
-    penalty: Array
+    nodes: FloatArray
+    spline: FloatArray
+    warmer_k: FloatArray
+    penalty: FloatArray
 
 
 class LinearFit(NamedTuple):
@@ -77,10 +75,10 @@ class LinearFit(NamedTuple):
     cost_v2      sum of the squared residuals and of the terms of the bends and of the contraction, V²
     """
 
-    parameters: Array
-    residual_v: Array
-    inverse: Array
-    matrix: Array
+    parameters: FloatArray
+    residual_v: FloatArray
+    inverse: FloatArray
+    matrix: FloatArray
     freedom: float
     cost_v2: float
 
@@ -128,10 +126,10 @@ def _solved(design: ResistanceDesign, strain: float, penalty: float, noise_v: fl
     martensite, austenite = geometry * (1.0 - samples.phase), geometry * samples.phase
     columns = martensite, martensite * design.warmer_k, -samples.rate, austenite[:, None] * design.spline
     matrix = np.asarray(np.column_stack(columns), dtype=np.float64)
-    weighted: Array = matrix * samples.current_a[:, None]
+    weighted: FloatArray = matrix * samples.current_a[:, None]
     target = samples.ohm * samples.current_a
     data = weighted.T @ weighted
-    inverse: Array = np.asarray(np.linalg.pinv(data + penalty * design.penalty, hermitian=True), dtype=np.float64)
+    inverse: FloatArray = np.asarray(np.linalg.pinv(data + penalty * design.penalty, hermitian=True), dtype=np.float64)
     parameters = inverse @ (weighted.T @ target)
     residual_v = target - weighted @ parameters
     bent_v2 = penalty * float(parameters @ design.penalty @ parameters)
@@ -142,6 +140,6 @@ def _solved(design: ResistanceDesign, strain: float, penalty: float, noise_v: fl
     )
 
 
-def _coarse_noise_v(voltage_v: Array) -> float:
+def _coarse_noise_v(voltage_v: FloatArray) -> float:
     """Return the noise of the voltage, from its second differences. It sets the strength of the penalties."""
     return float(np.median(np.abs(np.diff(voltage_v, 2))) / 0.6745 / np.sqrt(6.0)) + 1e-6

@@ -24,7 +24,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smadrive.errors import IdentificationError
 from smadrive.identification.excitation import ExcitationRecord
@@ -35,10 +34,9 @@ from smadrive.identification.resistance_fit.design import (
     fitted,
     resistance_design,
 )
+from smadrive.numerics.arrays import FloatArray
 from smadrive.wire.identified_resistance import WireResistance, spline_design
 from smadrive.wire.wire_model import WireModel
-
-Array = NDArray[np.float64]
 
 FIT = "resistance fit"
 """The attribute `where` of the errors that this file raises."""
@@ -79,12 +77,12 @@ class ResistanceFit:
     change: float
     rms_ohm: float
     noise_phase: float
-    temperature_c: Array
-    phase: Array
-    ohm: Array
+    temperature_c: FloatArray
+    phase: FloatArray
+    ohm: FloatArray
 
 
-def identify_resistance(record: ExcitationRecord, temperature_c: Array, wire: WireModel) -> ResistanceFit:
+def identify_resistance(record: ExcitationRecord, temperature_c: FloatArray, wire: WireModel) -> ResistanceFit:
     """Fit the resistance to a record whose wire had the temperatures `temperature_c`, °C.
 
     `wire` gives the travel. IdentificationError for a record without current or voltage, for fewer than `MIN_SAMPLES`
@@ -108,7 +106,7 @@ def identify_resistance(record: ExcitationRecord, temperature_c: Array, wire: Wi
     return _judged(resistance, design, covariance, linear.residual_v)
 
 
-def _samples(record: ExcitationRecord, temperature_c: Array, wire: WireModel) -> ResistanceSamples:
+def _samples(record: ExcitationRecord, temperature_c: FloatArray, wire: WireModel) -> ResistanceSamples:
     current = record.current_a
     if not np.any(current > 0.0) or not np.any(record.voltage_v > 0.0):
         raise IdentificationError(
@@ -123,7 +121,7 @@ def _samples(record: ExcitationRecord, temperature_c: Array, wire: WireModel) ->
         raise IdentificationError(
             what, where=FIT, value=int(np.count_nonzero(used)), limit=MIN_SAMPLES, cure="record a longer excitation"
         )
-    phase = (record.displacement_mm - wire.cold_mm) / wire.travel_mm
+    phase = wire.phase_at(record.displacement_mm)
     ohm = record.voltage_v[used] / current[used]
     time_s, no_rate = record.time_s[used], np.zeros(ohm.size)
     return ResistanceSamples(time_s, temperature_c[used], phase[used], ohm, current[used], no_rate)
@@ -139,14 +137,14 @@ def _refined(samples: ResistanceSamples, rough: LinearFit) -> ResistanceSamples:
     return ResistanceSamples(*(column[good] for column in samples._replace(rate=rate)))
 
 
-def _fewer(residual: Array) -> float:
+def _fewer(residual: FloatArray) -> float:
     """Return the factor by which correlated residuals raise the variances."""
     correlation = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
     return (1.0 + correlation) / (1.0 - correlation)
 
 
 def _judged(
-    resistance: WireResistance, design: ResistanceDesign, covariance: Array, residual_v: Array
+    resistance: WireResistance, design: ResistanceDesign, covariance: FloatArray, residual_v: FloatArray
 ) -> ResistanceFit:
     """Return the fit with its intervals.
 

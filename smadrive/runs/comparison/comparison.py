@@ -13,7 +13,7 @@ import numpy as np
 from smadrive.errors import DataError
 from smadrive.runs.comparison.settings import differing_settings
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_metrics import RunMetrics, run_metrics
+from smadrive.runs.metrics.run import RunMetrics, run_metrics
 
 MOST_RUNS = 8
 """Largest number of runs in a comparison: plots have this number of colours."""

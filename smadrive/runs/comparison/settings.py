@@ -13,6 +13,7 @@ from smadrive.control.controllers.feedback import PIGains
 from smadrive.control.references.reference import Reference
 from smadrive.rig.controllers import EXCITATION_SLOWER
 from smadrive.runs.log.reader import Log
+from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, wire_of
 from smadrive.wire.wire_model import travel_mm
 
@@ -74,7 +75,7 @@ def set_values(value: Any) -> Iterator[tuple[str, str]]:
 
 
 def _settings(log: Log) -> Iterator[tuple[str, str]]:
-    yield "kind of run", log.text("kind")
+    yield "kind of run", log.kind.value
     yield from _experiment(log)
     yield from _gains(log)
     yield from ((f"rig: {name}", text) for name, text in _plain(log.json("rig")))
@@ -122,10 +123,9 @@ def _reference(reference: Reference) -> Iterator[tuple[str, str]]:
 
 def _gains(log: Log) -> Iterator[tuple[str, str]]:
     """Yield (name, text) of the gains of the temperature loop, computed from the rig file and the heat balance."""
-    kind = log.text("kind")
-    is_identified = kind == "tracking"
-    if not is_identified and not {"excitation", "step"} & log.metadata.keys():
+    if log.kind not in (RunKind.TRACKING, RunKind.EXCITATION, RunKind.STEP):
         return
+    is_identified = log.kind is RunKind.TRACKING
     balance = (wire_of(log).heat_balance if is_identified else None) or nominal_balance(log)
     feedback = rig_config_of(log).feedback
     slower = 1.0 if is_identified else EXCITATION_SLOWER
@@ -136,9 +136,8 @@ def _gains(log: Log) -> Iterator[tuple[str, str]]:
 
 def _wire(log: Log) -> Iterator[tuple[str, str]]:
     model = wire_of(log).model
-    cold_mm, hot_mm = travel_mm(model)
     yield "model", type(model).__name__
-    yield "model's stroke", f"{abs(hot_mm - cold_mm):.4g} mm"
+    yield "model's stroke", f"{travel_mm(model).stroke_mm:.4g} mm"
     document = log.json("wire")
     balance = document.pop("provenance", {}).get("heat_balance") or {}
     yield from ((f"{BALANCE}{name}", text) for name, text in _plain(balance))

@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
+from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.log.reader import Log
+from smadrive.runs.metrics.series import MEASURABLE, energy_j, rms_and_max
 from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
-from smadrive.runs.run_metrics import MEASURABLE
-from smadrive.wire.wire_model import travel_mm
-
-Array = NDArray[np.float64]
+from smadrive.wire.wire_model import Travel, travel_mm
 
 REST_SHARE = 0.05
 """The wire counts as at rest while the setpoint is within this share of the reference's span from the cold end."""
@@ -115,7 +114,7 @@ def cycles_of(log: Log) -> list[CycleMetrics]:
 class CycleEvents:
     """Writes an event after each cycle of a run. Call `tick` with every tick, `finish` after a complete run.
 
-    `write` takes the text of an event. `travel` is the displacement of the cold and of the hot wire, in mm.
+    `write` takes the text of an event. `travel` is that of the wire's model.
     """
 
     def __init__(
@@ -123,7 +122,7 @@ class CycleEvents:
         write: Callable[[str], None],
         reference: Reference,
         cycling: Cycling,
-        travel: tuple[float, float],
+        travel: Travel,
         current_max_a: float,
     ) -> None:
         self._write = write
@@ -154,28 +153,24 @@ class CycleEvents:
             self._values = array("d")
 
 
-def metrics_of(number: int, rows: Array, travel: tuple[float, float], current_max_a: float) -> CycleMetrics:
-    """Return the metrics of the cycle `number`. `travel` is the displacement of the cold and the hot wire, in mm.
+def metrics_of(number: int, rows: FloatArray, travel: Travel, current_max_a: float) -> CycleMetrics:
+    """Return the metrics of the cycle `number`. `travel` is that of the wire's model.
 
     `rows` has one row for each sample, with the columns `COLUMNS_OF_A_CYCLE`.
     """
     time_s, setpoint_mm, displacement_mm, temperature_c, current_a, voltage_v = rows.T
-    cold_mm, hot_mm = travel
-    error = 100.0 * (setpoint_mm - displacement_mm) / abs(hot_mm - cold_mm)
-    error = error[np.isfinite(error)]
-    height = setpoint_mm if hot_mm > cold_mm else -setpoint_mm
+    error = 100.0 * (setpoint_mm - displacement_mm) / travel.stroke_mm
+    height = setpoint_mm if travel.hot_mm > travel.cold_mm else -setpoint_mm
     is_rest = height <= height.min() + REST_SHARE * np.ptp(height)
     is_rest &= current_a >= MEASURABLE * current_max_a
     rest_ohm = (voltage_v / np.where(is_rest, current_a, 1.0))[is_rest]
     rest_ohm = rest_ohm[np.isfinite(rest_ohm)]
-    power_w = current_a * voltage_v
     return CycleMetrics(
         number,
         _span(displacement_mm),
-        float(np.sqrt(np.mean(error**2))) if error.size else nan,
-        float(np.abs(error).max()) if error.size else nan,
+        *rms_and_max(error),
         float(np.median(rest_ohm)) if rest_ohm.size >= LEAST_SAMPLES else nan,
-        float(np.nansum(power_w[1:] * np.diff(time_s))),
+        energy_j(time_s, current_a, voltage_v),
         float(np.nanmax(temperature_c)) if np.isfinite(temperature_c).any() else nan,
     )
 
@@ -211,12 +206,12 @@ def thinned(cycles: list[CycleMetrics], most: int) -> list[CycleMetrics]:
     return [cycles[n] for n in np.unique(np.linspace(0, len(cycles) - 1, most).round().astype(int))]
 
 
-def _measure_of(log: Log) -> Callable[[int, Array], CycleMetrics]:
+def _measure_of(log: Log) -> Callable[[int, FloatArray], CycleMetrics]:
     travel, current_max_a = travel_mm(wire_of(log).model), rig_config_of(log).limits.current_max_a
     return lambda number, rows: metrics_of(number, rows, travel, current_max_a)
 
 
-def _numbers(reference: Reference, time_s: Array) -> NDArray[np.int64]:
+def _numbers(reference: Reference, time_s: FloatArray) -> NDArray[np.int64]:
     """Return the number of the cycle at each time, from 0; -1 in the approach. The last cycle includes its end."""
     numbers = np.floor((time_s - reference.scored_from_s) / reference.cycle_s).astype(np.int64)
     return np.clip(numbers, -1, reference.repeats - 1)
@@ -231,7 +226,7 @@ def _complete(reference: Reference, last_s: float, tolerance_s: float) -> int:
     return min(max(int(cycles), 0), reference.repeats)
 
 
-def _span(values: Array) -> float:
+def _span(values: FloatArray) -> float:
     finite = values[np.isfinite(values)]
     return float(np.ptp(finite)) if finite.size else nan
 

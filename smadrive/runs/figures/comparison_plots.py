@@ -11,10 +11,10 @@ from smadrive.runs.columns import COLUMNS
 from smadrive.runs.comparison.comparison import RunComparison
 from smadrive.runs.figures.log_plots import NOT_SCORED, PLANE_POINTS
 from smadrive.runs.log.reader import Log
+from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
 from smadrive.runs.plot_style import LIMIT, SETPOINT, legend, line, panels
 from smadrive.runs.report import Plot
 from smadrive.runs.run_metadata import rig_config_of
-from smadrive.runs.run_metrics import error_percent, has_setpoint, scored_from_s
 
 COLOURS = ("#1d6fb8", "#e07b16", "#1e8e4e", "#8e44ad", "#c8323c", "#17a2a2", "#7a5c2e", "#d6589f")
 """The colour of each run."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
+from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.plot_style import (
     COOLING,
     ESTIMATED,
@@ -15,7 +16,6 @@ from smadrive.runs.plot_style import (
     LIMIT,
     MEASURED,
     SETPOINT,
-    Array,
     legend,
     panels,
 )
@@ -59,7 +59,7 @@ def health_plot(entries: Sequence[HealthEntry]) -> Plot:
     return Plot("Health of the wire", figure, CAPTION)
 
 
-def _draw(ax: Axes, cycles: Array, values: Sequence[Estimate], colour: str, title: str = "") -> None:
+def _draw(ax: Axes, cycles: FloatArray, values: Sequence[Estimate], colour: str, title: str = "") -> None:
     """Draw the known values over the cycles, with their errors."""
     is_known = np.array([value.is_known for value in values])
     if not is_known.any():
@@ -80,7 +80,7 @@ def _draw(ax: Axes, cycles: Array, values: Sequence[Estimate], colour: str, titl
     )
 
 
-def _draw_adapted(ax: Axes, cycles: Array, values: Sequence[float], colour: str) -> None:
+def _draw_adapted(ax: Axes, cycles: FloatArray, values: Sequence[float], colour: str) -> None:
     ax.plot(cycles, values, ls="", marker="o", mfc="none", mec=colour, ms=6.5)
 
 

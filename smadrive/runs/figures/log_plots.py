@@ -10,9 +10,13 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from smadrive.hysteresis import HysteresisModel
+from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.figures.session_plots import session_plot
 from smadrive.runs.log.reader import Log
+from smadrive.runs.metrics.caveats import tracking_caveats
+from smadrive.runs.metrics.run import is_virtual
+from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
 from smadrive.runs.plot_style import (
     COOLING,
     ESTIMATED,
@@ -26,11 +30,8 @@ from smadrive.runs.plot_style import (
     panels,
 )
 from smadrive.runs.report import Plot
+from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import rig_config_of, wire_of
-from smadrive.runs.run_metrics import error_percent, has_setpoint, is_virtual, scored_from_s, tracking_caveats
-from smadrive.runs.session_record import KIND
-
-Array = NDArray[np.float64]
 
 NOT_SCORED = "The approach (grey) brings the wire to the reference and is not scored."
 
@@ -42,9 +43,9 @@ def log_plots(log: Log) -> Iterator[Plot]:
     """Yield the plots of the log. Plots without data are left out."""
     if has_setpoint(log):
         yield _tracking(log)
-    elif log.metadata.get("kind") != KIND and np.isfinite(log.column_with_gaps("displacement_mm")).any():
+    elif log.kind is not RunKind.SESSION and np.isfinite(log.column_with_gaps("displacement_mm")).any():
         yield _displacement(log)
-    if log.metadata.get("kind") == KIND:
+    if log.kind is RunKind.SESSION:
         yield session_plot(log)
     yield _heat(log)
     if np.isfinite(log.column_with_gaps("displacement_mm")).any():
@@ -170,7 +171,7 @@ def _timing(log: Log) -> Plot:
     )
 
 
-def _shade(ax: Axes, time_s: Array, where: NDArray[np.bool_]) -> None:
+def _shade(ax: Axes, time_s: FloatArray, where: NDArray[np.bool_]) -> None:
     """Shade the time ranges in which `where` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], where, [False])).astype(np.int8)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):

@@ -20,8 +20,9 @@ from smadrive.numerics.arrays import FloatArray
 from smadrive.rig.config import RigConfig
 from smadrive.runs.health.rest_resistance import HeatedSamples, RestResistance, rest_resistance
 from smadrive.runs.log.reader import Log
+from smadrive.runs.metrics.series import rms_and_max
+from smadrive.runs.metrics.tracking_error import error_percent
 from smadrive.runs.run_metadata import nominal_balance, rig_config_of, wire_of
-from smadrive.runs.run_metrics import error_percent
 from smadrive.runs.session_record import models_of, tunings_of
 from smadrive.safety.resistance_band import current_min_a
 from smadrive.wire.health.entry import IDENTIFICATION, Estimate, HealthEntry, LoopShape
@@ -77,7 +78,7 @@ def run_entry(log: Log, wire_file: Path) -> HealthEntry:
     rms, largest = _tracking_percent(log)
     loop = loop_shape(wire.model)
     return HealthEntry(
-        kind=log.text("kind"),
+        kind=log.kind.value,
         begun=log.start_time,
         model=key_of(wire.model),
         cycles=cycles_of_path(_moved_mm(log), loop.stroke_mm),
@@ -102,11 +103,10 @@ def loop_shape(model: IdentifiedModel, identified: IdentifiedModel | None = None
     With `identified`, the middle is taken from the travel of `identified`. Use this for an adapted model: few runs
     visit the ends of the branches, so the ends of an adapted model are uncertain.
     """
-    v, (cold_mm, hot_mm) = np.linspace(*model.input_range, POINTS), travel_mm(model)
-    middle_mm = 0.5 * sum(travel_mm(identified or model))
+    v, middle_mm = np.linspace(*model.input_range, POINTS), travel_mm(identified or model).at_mm(0.5)
     middle = (middle_mm - model.offset) / model.scale
     heating_c, cooling_c = (float(np.interp(middle, model.branch(v, rising=rising), v)) for rising in (True, False))
-    return LoopShape(heating_c, cooling_c, abs(hot_mm - cold_mm))
+    return LoopShape(heating_c, cooling_c, travel_mm(model).stroke_mm)
 
 
 def cycles_of_path(moved_mm: FloatArray, stroke_mm: float) -> float:
@@ -159,9 +159,7 @@ def _tracking_percent(log: Log) -> tuple[float, float]:
     """Return RMS and largest tracking error in % of the stroke; NaN if no sample has setpoint and displacement."""
     if "wire" not in log.metadata:
         return nan, nan
-    error = error_percent(log)
-    error = error[np.isfinite(error)]
-    return (float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())) if error.size else (nan, nan)
+    return rms_and_max(error_percent(log))
 
 
 def _adapted(log: Log) -> LoopShape | None:

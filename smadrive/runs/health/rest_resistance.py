@@ -50,7 +50,7 @@ class HeatedSamples(NamedTuple):
 def rest_resistance(wire: WireModel, samples: HeatedSamples) -> RestResistance:
     """Return the resistance at rest of `wire`; unknown if fewer than two blocks have `LEAST_SAMPLES` samples."""
     cold_ohm = wire.balance.resistance_cold_ohm
-    phase = np.clip((samples.displacement_mm - wire.cold_mm) / wire.travel_mm, 0.0, 1.0)
+    phase = np.clip(wire.phase_at(samples.displacement_mm), 0.0, 1.0)
     expected = 1.0 + wire.balance.resistance_change * phase
     starts = np.flatnonzero(np.diff(np.floor(samples.time_s / BLOCK_S), prepend=-1.0))
     if not starts.size:

@@ -15,17 +15,17 @@ from typing import Any, NamedTuple, TypeVar
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
 from smadrive.display.ascii_text import ascii_text
 from smadrive.errors import DataError, SmadriveError, TripError
 from smadrive.files.kinds import LOG, check_kind
 from smadrive.files.spelling import missing_file_cure, suggestion_or_list
+from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.log.content import Content, read_content
 from smadrive.runs.log.errors import DamageError, ForeignContentError, NewerLayoutError
 from smadrive.runs.log.old_layouts import LAYOUT
+from smadrive.runs.run_kind import RunKind
 
-Array = NDArray[np.float64]
 ValueT = TypeVar("ValueT")
 
 ENDED_BY = "ended by "
@@ -64,7 +64,7 @@ class Log:
     """
 
     path: Path
-    columns: Mapping[str, Array]
+    columns: Mapping[str, FloatArray]
     metadata: Mapping[str, str]
     events: tuple[RunEvent, ...]
     start_time: str
@@ -74,8 +74,17 @@ class Log:
 
     def __repr__(self) -> str:
         rows = len(next(iter(self.columns.values()), ()))
-        kind = self.metadata.get("kind", "unknown")
+        kind = self.metadata.get("kind", "unknown kind")
         return ascii_text(f"Log({self.path}, {kind}, {rows} rows of {len(self.columns)} columns)")
+
+    @property
+    def kind(self) -> RunKind:
+        """The kind of the run. DataError when the metadata name none, or one that this version does not know."""
+        kind = self.text("kind")
+        try:
+            return RunKind(kind)
+        except ValueError:
+            raise DataError("unknown kind of run", where=self.path, value=kind, cure="update smadrive") from None
 
     @property
     def ended_by(self) -> str:
@@ -100,13 +109,13 @@ class Log:
             return ()
         return (f"{self.path.name} has no checksums (smadrive {self.version} wrote none): damage would not be noticed",)
 
-    def column_with_gaps(self, name: str) -> Array:
+    def column_with_gaps(self, name: str) -> FloatArray:
         """Return the named column, with NaN where nothing was measured. DataError when the log has no such column."""
         if name not in self.columns:
             raise DataError(f"no column '{name}'", where=self.path, cure=suggestion_or_list(name, self.columns))
         return self.columns[name]
 
-    def column(self, name: str) -> Array:
+    def column(self, name: str) -> FloatArray:
         """Return the named column. DataError when a value is not finite, or when the log has no such column."""
         values = self.column_with_gaps(name)
         if not np.all(np.isfinite(values)):

@@ -18,12 +18,12 @@ from dataclasses import replace
 from multiprocessing import get_context
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smadrive.errors import IdentificationError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.record import prepare
 from smadrive.identification.wire import FitSettings, identify_hysteresis
+from smadrive.numerics.arrays import FloatArray
 from smadrive.stream.samples import COLUMNS, Rows
 from smadrive.wire.identified_wire import IdentifiedWire, parse_wire
 from smadrive.wire.wire_model import travel_mm
@@ -61,8 +61,6 @@ In a sound record the difference is at most 0.2 %.
 
 ARM_AND_START = "arm and start a reference, then fit"
 
-Array = NDArray[np.float64]
-
 
 class Fitter:
     """Fits models in a process of its own, one at a time."""
@@ -92,7 +90,7 @@ def _new_pool() -> ProcessPoolExecutor:
     return ProcessPoolExecutor(1, get_context("spawn"))
 
 
-def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
+def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[FloatArray, FloatArray]:
     """Return the wire temperatures in °C and the displacements in mm of the last `seconds`, each of shape (samples,).
 
     Samples without heating or without a measured displacement, and the warm-up at the beginning, are left out. Long
@@ -126,7 +124,7 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
     return wire_c[::step], reached_mm[::step]
 
 
-def _warmed_up(wire_c: Array) -> int:
+def _warmed_up(wire_c: FloatArray) -> int:
     """Return the number of samples of the warm-up at the beginning of `wire_c`.
 
     The largest cooling is the largest drop below the highest earlier temperature. The warm-up ends at the first sample
@@ -136,20 +134,19 @@ def _warmed_up(wire_c: Array) -> int:
     return int(np.argmax(wire_c >= coolest_c))
 
 
-def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> None:
+def _check_loop(wire_c: FloatArray, reached_mm: FloatArray, model: HysteresisModel) -> None:
     """Raise IdentificationError if the wire moved too little, or if the measured samples contain no full loop.
 
     This check comes before `_completing` adds samples, because the added samples always contain a loop.
     """
-    cold_mm, hot_mm = travel_mm(model)
     moved_mm = float(np.ptp(reached_mm))
-    least_mm = MIN_MOVED * abs(hot_mm - cold_mm)
+    least_mm = MIN_MOVED * travel_mm(model).stroke_mm
     if moved_mm < least_mm:
         raise IdentificationError("the wire moved too little", value=f"{moved_mm:.2g} mm", limit=f"{least_mm:.2g} mm")
     prepare(wire_c, reached_mm, dead_band=None)
 
 
-def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> IdentifiedWire:
+def fit_wire(wire_c: FloatArray, reached_mm: FloatArray, wire: str) -> IdentifiedWire:
     """Return `wire` with a model of the same kind, fitted to the given samples.
 
     `wire_c` and `reached_mm` are wire temperature and displacement, of shape (samples,); `wire` is the text of the wire
@@ -169,7 +166,7 @@ def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> IdentifiedWire:
     return replace(in_force, model=fit.model, caveats=(*_drifts(measured_percent), *fit.caveats), source="")
 
 
-def _drifts(residual_percent: Array) -> tuple[str, ...]:
+def _drifts(residual_percent: FloatArray) -> tuple[str, ...]:
     """Return one caveat if the mean fit errors of the two halves of the record differ, otherwise an empty tuple.
 
     `residual_percent` is the fit error of each sample in % of the output span. If the wire or a sensor changes during
@@ -183,7 +180,7 @@ def _drifts(residual_percent: Array) -> tuple[str, ...]:
     return (f"{differ}: a sensor or the wire may drift. Undo the fit, and find the cause before you fit again",)
 
 
-def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tuple[Array, Array]:
+def _completing(model: HysteresisModel, wire_c: FloatArray, reached_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return temperatures (°C) outside the record, and the displacements (mm) that `model` expects at them.
 
     The path leads to the hot end of the travel and back, then to the cold end and back. The way to each end begins at
@@ -205,7 +202,7 @@ def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tup
     return path_c[used], np.concatenate((to_hot, from_hot, to_cold, from_cold))[used]
 
 
-def _begun_at(start_mm: float, way_mm: Array) -> Array:
+def _begun_at(start_mm: float, way_mm: FloatArray) -> FloatArray:
     """Scale the displacements `way_mm`, so that they begin at `start_mm` and still end at the end of the travel.
 
     Return the scaled displacements, or `way_mm` itself if the scaling is impossible (see AT_END).

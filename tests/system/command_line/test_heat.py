@@ -18,8 +18,8 @@ from smadrive.rig.config_checks import check_step
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import heat
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.metrics.step import step_caveats, step_metrics
 from smadrive.runs.replay import replay
-from smadrive.runs.run_metrics import step_caveats, step_metrics
 from smadrive.safety.shutdown import shutdown_of
 
 CONFIGS = Path(__file__).parents[3] / "configs"

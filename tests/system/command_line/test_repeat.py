@@ -29,6 +29,7 @@ from smadrive.runs.log.reader import read_log
 from smadrive.runs.replay import replay
 from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.wire_model import Travel
 
 RIG = load_rig("in-process")
 WIRE = IdentifiedWire(
@@ -228,7 +229,7 @@ def test_repeated_reference_closes_its_cycles_and_ends():
 
 def test_cycle_without_current_or_displacement_has_unknown_metrics():
     rows = np.array([[n, 2.0, np.nan, 20.0, 0.0, 0.0] for n in range(5)])
-    metrics = metrics_of(7, rows, (0.0, 12.0), 0.6)
+    metrics = metrics_of(7, rows, Travel(0.0, 12.0), 0.6)
     assert metrics.cycle == 7
     assert all(map(isnan, (metrics.stroke_mm, metrics.rms_percent, metrics.max_percent, metrics.rest_ohm)))
     assert metrics.energy_j == 0.0

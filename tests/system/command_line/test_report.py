@@ -27,8 +27,8 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.metrics.run import tracking_metrics
 from smadrive.runs.run_log import record_excitation, record_tracking
-from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import Fault
 from smadrive.wire.wire_model import WireModel
 

@@ -15,8 +15,8 @@ from smadrive.errors import SafetyError, TripError
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.metrics.run import tracking_metrics
 from smadrive.runs.run_log import record_excitation, record_tracking
-from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import CLEAR, Fault
 from smadrive.wire.wire_model import WireModel, travel_mm
 

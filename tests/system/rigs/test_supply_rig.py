@@ -15,9 +15,9 @@ from smadrive.modbus.transports.in_process import InProcessTransport
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.metrics.run import tracking_metrics
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record, nominal_balance
-from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import Fault
 from smadrive.wire.wire_model import WireModel, travel_mm
 

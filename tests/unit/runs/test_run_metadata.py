@@ -8,7 +8,7 @@ import pytest
 
 from smadrive.errors import DataError
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_log import OBSERVATION, OWN_CONTROLLER, STEP
+from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import (
     excitation_caveats,
     excitation_of,
@@ -79,9 +79,15 @@ def test_stroke_that_the_wire_cannot_have_is_a_caveat(metadata, stroke_mm):
     assert [caveat.split(" by ")[0] for caveat in caveats] == ["displacement_mm moves"] * (stroke_mm > 1000.0)
 
 
-@pytest.mark.parametrize("kind", [STEP, OBSERVATION, OWN_CONTROLLER, "tracking", "tuning"])
+@pytest.mark.parametrize("kind", [kind for kind in RunKind if kind is not RunKind.EXCITATION])
 def test_log_of_another_experiment_holds_no_record_of_an_excitation(kind):
     with pytest.raises(DataError) as error:
         excitation_record(Log(Path("warm.h5"), {}, {"kind": kind}, (), "", "", ""))
     assert (error.value.where, error.value.value) == ("warm.h5", kind)
     assert error.value.cure
+
+
+def test_unknown_kind_of_run_is_an_error():
+    with pytest.raises(DataError) as error:
+        Log(Path("warm.h5"), {}, {"kind": "dance"}, (), "", "", "").kind  # noqa: B018 (the property raises)
+    assert (error.value.where, error.value.value) == ("warm.h5", "dance")

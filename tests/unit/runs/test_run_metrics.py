@@ -11,7 +11,8 @@ import pytest
 from smadrive.control.loop import LoopMetrics
 from smadrive.hysteresis import DuhemModel
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_metrics import tracking_caveats, tracking_metrics
+from smadrive.runs.metrics.caveats import tracking_caveats
+from smadrive.runs.metrics.run import tracking_metrics
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
 

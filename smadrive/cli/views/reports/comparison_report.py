@@ -8,8 +8,8 @@ from pathlib import Path
 from smadrive.cli.views.reports.log_report import clock_text, state_of
 from smadrive.runs.comparison.comparison import RunComparison
 from smadrive.runs.figures.comparison_plots import comparison_plots
+from smadrive.runs.metrics.caveats import run_caveats
 from smadrive.runs.report import Banner, Grid, Notes, PagePart, write_report
-from smadrive.runs.run_metrics import run_caveats
 
 SAME = "The runs have the same settings."
 FIRST = "In brackets: the difference from the first run. Errors are in % of the stroke of the run's model."

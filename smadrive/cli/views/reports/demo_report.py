@@ -10,6 +10,7 @@ import numpy as np
 from smadrive.identification.wire import WireFit
 from smadrive.runs.figures.log_plots import NOT_SCORED, draw_error
 from smadrive.runs.log.reader import Log
+from smadrive.runs.metrics.run import TrackingMetrics
 from smadrive.runs.plot_style import (
     COOLING,
     ESTIMATED,
@@ -22,7 +23,6 @@ from smadrive.runs.plot_style import (
     panels,
 )
 from smadrive.runs.report import Grid, Notes, Plot, write_report
-from smadrive.runs.run_metrics import TrackingMetrics
 
 ArmView = tuple[str, Log, TrackingMetrics]
 

@@ -20,21 +20,21 @@ from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.figures.session_plots import change_table
 from smadrive.runs.health.assessment import HEADER, assessment_of, health_lines, health_rows
 from smadrive.runs.log.reader import Log
+from smadrive.runs.metrics.caveats import run_caveats
+from smadrive.runs.metrics.run import RunMetrics, is_virtual, run_metrics
 from smadrive.runs.report import Banner, Grid, Listing, Notes, PagePart, Tiles, write_report
-from smadrive.runs.run_log import OBSERVATION, OWN_CONTROLLER, STEP
+from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import rig_config_of
-from smadrive.runs.run_metrics import RunMetrics, is_virtual, run_caveats, run_metrics
-from smadrive.runs.session_record import KIND, SESSION_ENDED, models_of, plain_events, trips_of
+from smadrive.runs.session_record import SESSION_ENDED, models_of, plain_events, trips_of
 
 TITLES = {
-    "excitation": "identification experiment",
-    "tracking": "tracking run",
-    STEP: "manual step",
-    OBSERVATION: "observation without heat",
-    OWN_CONTROLLER: "run of an own controller",
-    KIND: "tuning session",
+    RunKind.EXCITATION: "identification experiment",
+    RunKind.TRACKING: "tracking run",
+    RunKind.STEP: "manual step",
+    RunKind.OBSERVATION: "observation without heat",
+    RunKind.OWN_CONTROLLER: "run of an own controller",
+    RunKind.SESSION: "tuning session",
 }
-
 
 GAP = 1.5
 """The longest time without a measurement is shown if it exceeds this number of periods."""
@@ -57,12 +57,12 @@ def write_log_report(path: Path, log: Log) -> RunMetrics:
         *_cycles(log),
         *log_plots(log),
         *_health(log),
-        *([change_table(log)] if summary.kind == KIND else []),
+        *([change_table(log)] if log.kind is RunKind.SESSION else []),
         *_events(log),
     ]
     parts += [_provenance(log), *_background(log)]
     lead = f"{clock_text(log.start_time)} · wire {config.wire} · {devices}"
-    write_report(path, f"{config.name}: {TITLES.get(summary.kind, summary.kind)}", lead, parts)
+    write_report(path, f"{config.name}: {TITLES[log.kind]}", lead, parts)
     return summary
 
 
@@ -74,11 +74,11 @@ def state_of(log: Log, summary: RunMetrics) -> Banner:
             f"This log has no end: its writer was killed, or still writes. The log holds {summary.duration_s:.1f} s; "
             "at most the last second is missing.",
         )
-    if summary.kind == KIND and _is_ended_safely(log) and (trips := trips_of(log)):
+    if log.kind is RunKind.SESSION and _is_ended_safely(log) and (trips := trips_of(log)):
         last, count = trips[-1], f", the last of {len(trips)} trips" if len(trips) > 1 else ""
         end = f"The session ended after {summary.duration_s:.1f} s with the heater off, confirmed"
         return Banner("bad", f"Tripped at {last.time_s:.1f} s{count}: {last.message} — {end}.")
-    if not log.ended_by or (summary.kind == KIND and _is_ended_safely(log)):
+    if not log.ended_by or (log.kind is RunKind.SESSION and _is_ended_safely(log)):
         return Banner("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
     unconfirmed = [event.message for event in log.events if event.message.startswith(UNCONFIRMED)]
     return Banner(

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem
+from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.plot_style import (
     COOLING,
     ESTIMATED,
@@ -23,7 +23,6 @@ from smadrive.runs.plot_style import (
 )
 from smadrive.runs.report import Grid, Listing, Notes, Plot, write_report
 
-Array = NDArray[np.float64]
 HEADER = ("22 rules", "major loop", "mixed loop", "unseen, median", "unseen, worst")
 
 
@@ -31,7 +30,7 @@ def write_paper_report(
     path: Path,
     duhem: DuhemModel,
     models: Mapping[str, TSFuzzyDuhem],
-    loops: Mapping[str, Array],
+    loops: Mapping[str, FloatArray],
     rows: Sequence[Sequence[str]],
     reading: Sequence[str],
 ) -> None:
@@ -64,7 +63,7 @@ def write_paper_report(
     )
 
 
-def _curves(model: HysteresisModel, loops: Mapping[str, Array]) -> Figure:
+def _curves(model: HysteresisModel, loops: Mapping[str, FloatArray]) -> Figure:
     figure, axes = side_by_side(2, 3.8)
     for ax, (name, v) in zip(axes, loops.items(), strict=True):
         y = model.simulate(v)
@@ -77,7 +76,7 @@ def _curves(model: HysteresisModel, loops: Mapping[str, Array]) -> Figure:
     return figure
 
 
-def _inputs(loops: Mapping[str, Array]) -> Figure:
+def _inputs(loops: Mapping[str, FloatArray]) -> Figure:
     figure, axes = side_by_side(2, 2.6)
     for ax, (name, v) in zip(axes, loops.items(), strict=True):
         ax.plot(v, color=SETPOINT, lw=1.0)
@@ -99,7 +98,7 @@ def _memberships(*models: TSFuzzyDuhem) -> Figure:
     return figure
 
 
-def _errors(duhem: DuhemModel, models: Mapping[str, TSFuzzyDuhem], loops: Mapping[str, Array]) -> Figure:
+def _errors(duhem: DuhemModel, models: Mapping[str, TSFuzzyDuhem], loops: Mapping[str, FloatArray]) -> Figure:
     figure, axes = panels((2.6, 2.6), share_x=False)
     for ax, (name, v) in zip(axes, loops.items(), strict=True):
         ax.axhspan(-1.2, 1.0, color="#f0f2f5")

@@ -1,0 +1,80 @@
+"""Reasons to distrust the content of a log, or the metrics of its run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from smadrive.identification.quality.thermocouple_noise import noise_caveats
+from smadrive.runs.log.reader import Log
+from smadrive.runs.metrics.series import MEASURABLE, of_finite
+from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
+from smadrive.runs.run_metadata import nominal_balance, rig_config_of, texts_of, wire_of
+from smadrive.wire.data_sheet import resistance_caveats
+from smadrive.wire.wire_model import travel_mm
+
+FEW_MISSING = 0.03
+"""Largest share of samples that a working sensor misses. A larger share gives a warning about the metrics."""
+
+
+def tracking_caveats(log: Log) -> tuple[str, ...]:
+    """Return reasons to distrust the metrics of a tracking run. DataError when the log is of another kind of run.
+
+    The first reasons were known before the run, for example that the reference was smoothed.
+    """
+    return (*texts_of(log, "caveats"), *_sample_caveats(log), *measured_caveats(log))
+
+
+def measured_caveats(log: Log) -> tuple[str, ...]:
+    """Return reasons to distrust a sensor or the wire file, found in the measurements of any run."""
+    return (*_noise_caveats(log), *_resistance_caveats(log))
+
+
+def run_caveats(log: Log) -> tuple[str, ...]:
+    """Return reasons to distrust the content of a log, or the metrics of its run. The run may be of any kind."""
+    metrics = tracking_caveats(log) if has_setpoint(log) else (*texts_of(log, "caveats"), *measured_caveats(log))
+    return (*log.caveats, *metrics, *(_command_caveats(log) if "controller" in log.metadata else ()))
+
+
+def _noise_caveats(log: Log) -> tuple[str, ...]:
+    if "rig" not in log.metadata:
+        return ()
+    return noise_caveats(log.column_with_gaps("temperature_c"), rig_config_of(log).feedback.noise_c)
+
+
+def _resistance_caveats(log: Log) -> tuple[str, ...]:
+    if "nominal_balance" not in log.metadata:
+        return ()
+    current_a, voltage_v = log.column_with_gaps("current_a"), log.column_with_gaps("voltage_v")
+    flows = current_a >= MEASURABLE * rig_config_of(log).limits.current_max_a
+    return resistance_caveats(of_finite(np.median, voltage_v[flows] / current_a[flows]), nominal_balance(log))
+
+
+def _sample_caveats(log: Log) -> tuple[str, ...]:
+    error = error_percent(log)[log.column("time_s") >= scored_from_s(log)]
+    if error.size == 0:
+        return ("the tracking error is unknown: the run ended in its approach, which is not scored",)
+    missing = int(np.count_nonzero(np.isnan(error)))
+    if missing == error.size:
+        return ("the tracking error is unknown: no displacement was measured (no working displacement sensor)",)
+    if missing <= FEW_MISSING * error.size:
+        return ()
+    share = f"{missing} of {error.size} samples of the displacement are missing ({100.0 * missing / error.size:.0f} %)"
+    return (f"{share}: the tracking error is computed from the other samples",)
+
+
+def _command_caveats(log: Log) -> Iterator[str]:
+    """Yield caveats about the commands of the user's controller: currents and setpoints outside their ranges."""
+    current_max_a = rig_config_of(log).limits.current_max_a
+    commanded_a = log.column_with_gaps("commanded_a")
+    if above := int(np.count_nonzero(commanded_a > current_max_a)):
+        limit = f"current_max_a = {current_max_a:g} A (largest {np.nanmax(commanded_a):.3g} A)"
+        yield f"{above} of {commanded_a.size} commands were above {limit} and were clamped"
+    if negative := int(np.count_nonzero(commanded_a < 0.0)):
+        lowest = f"lowest {np.nanmin(commanded_a):.3g} A"
+        yield f"{negative} of {commanded_a.size} commands were negative ({lowest}), and zero was sent"
+    setpoint_mm, reach_mm = log.column_with_gaps("setpoint_mm"), sorted(travel_mm(wire_of(log).model))
+    if outside := int(np.count_nonzero((setpoint_mm < reach_mm[0]) | (setpoint_mm > reach_mm[1]))):
+        reach = f"{reach_mm[0]:.2f} to {reach_mm[1]:.2f} mm"
+        yield f"{outside} of {setpoint_mm.size} setpoints were outside the reach of the wire, {reach}"

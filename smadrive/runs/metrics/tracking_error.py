@@ -1,0 +1,34 @@
+"""The tracking error of a run, and the time from which it is scored."""
+
+from __future__ import annotations
+
+from math import nan
+
+import numpy as np
+
+from smadrive.numerics.arrays import FloatArray
+from smadrive.runs.log.reader import Log
+from smadrive.runs.run_metadata import reference_of, wire_of
+from smadrive.wire.wire_model import travel_mm
+
+
+def has_setpoint(log: Log) -> bool:
+    """Return True for a tracking run, and for a run of the user's controller that returned displacement setpoints."""
+    is_own = "controller" in log.metadata and bool(np.isfinite(log.column_with_gaps("setpoint_mm")).any())
+    return "reference" in log.metadata or is_own
+
+
+def scored_from_s(log: Log) -> float:
+    """Return the time in s at which the metrics begin: the end of the approach, or 0 for a run without an approach."""
+    return reference_of(log).scored_from_s if "reference" in log.metadata else 0.0
+
+
+def error_percent(log: Log) -> FloatArray:
+    """Return setpoint minus displacement of every row, in % of the stroke.
+
+    The error is NaN during the approach, and where no displacement was measured. DataError when the log is not of a
+    run on an identified wire.
+    """
+    error_mm = log.column_with_gaps("setpoint_mm") - log.column_with_gaps("displacement_mm")
+    is_scored = log.column("time_s") >= scored_from_s(log)
+    return np.where(is_scored, 100.0 * error_mm / travel_mm(wire_of(log).model).stroke_mm, nan)
