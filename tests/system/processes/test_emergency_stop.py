@@ -149,7 +149,7 @@ def heated(request, tmp_path):
         yield Heated("supply", process, tmp_path / "rig.toml")
 
 
-@pytest.mark.parametrize("heated", ["board", "supply"], indirect=True)
+@pytest.mark.parametrize("heated", ["board", exhaustive("supply")], indirect=True)
 def test_running_driver_is_stopped(heated):
     with heated.drive() as driver:
         assert driver.stdout.readline() == "heating\n"

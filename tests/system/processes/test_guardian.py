@@ -192,6 +192,7 @@ def test_stopped_driver_with_the_only_connection_is_killed_and_its_heater_switch
         assert said.endswith("heater off, confirmed by read-back\n")
 
 
+@pytest.mark.exhaustive
 def test_driver_is_not_killed_where_the_guardian_can_connect(tmp_path):
     with driven(tmp_path, "stopped", "--rtu-tcp", "0") as (driver, supply):
         driver.send_signal(signal.SIGSTOP)
@@ -202,6 +203,7 @@ def test_driver_is_not_killed_where_the_guardian_can_connect(tmp_path):
         assert "ending it" not in said
 
 
+@pytest.mark.exhaustive
 def test_driver_that_wakes_gives_up_the_only_connection_and_is_not_killed(tmp_path):
     with driven(tmp_path, "stopped", "--rtu-tcp", "0", through=one_client) as (driver, supply):
         driver.send_signal(signal.SIGSTOP)
@@ -250,6 +252,7 @@ def test_stalled_terminal_does_not_keep_the_heat_on(tmp_path):
         os.close(stalled)
 
 
+@pytest.mark.exhaustive
 def test_a_driver_whose_guardian_stands_still_switches_off(tmp_path):
     with driven(tmp_path, "unguarded") as (driver, supply):
         (guardian,) = children(driver.pid)
@@ -271,6 +274,7 @@ def test_a_driver_whose_guardian_is_killed_switches_off_and_knows_that_it_is_off
         assert "could NOT be confirmed off" not in said
 
 
+@pytest.mark.exhaustive
 def test_a_driver_that_waits_for_lost_replies_is_not_taken_for_dead(tmp_path):
     script = tmp_path / "loses.toml"
     script.write_text(LOSES_REPLIES)
@@ -281,6 +285,7 @@ def test_a_driver_that_waits_for_lost_replies_is_not_taken_for_dead(tmp_path):
         assert "taking over" not in said
 
 
+@pytest.mark.exhaustive
 def test_driver_gets_its_ports_back_after_a_takeover_and_may_heat_again(tmp_path):
     with driven(tmp_path, script=TAKES_BACK) as (driver, supply):
         driver.send_signal(signal.SIGSTOP)

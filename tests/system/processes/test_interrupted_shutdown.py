@@ -113,6 +113,7 @@ def test_signal_neither_ends_the_attempts_nor_hides_the_trip(driver, number):
     assert UNCONFIRMED not in said
 
 
+@pytest.mark.exhaustive
 def test_silent_device_is_reported_as_unconfirmed_despite_two_signals(driver):
     driver.silence_and_wait_for_the_shutdown()
     driver.send(signal.SIGINT, signal.SIGTERM)

@@ -157,7 +157,7 @@ def test_absent_device_is_reported_with_its_waiting_guardian(stage, command):
     assert f"process {guardian}" in ended.stderr
 
 
-@pytest.mark.parametrize("command", ["probe", "off"])
+@pytest.mark.parametrize("command", [exhaustive("probe"), "off"])
 def test_program_that_confirms_the_same_supply_off_relieves_the_guardian(stage, command):
     port = str(stage.folder / "port")
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)

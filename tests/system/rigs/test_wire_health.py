@@ -89,6 +89,7 @@ def test_record_shows_an_aged_wire(wire_file):
     assert health_values(assessment_of(read_log(wire_file.with_name("run2.h5"))))["verdict"] == "identify it again"
 
 
+@pytest.mark.exhaustive
 def test_cracked_crimp_trips_once_the_runs_of_the_wire_are_recorded(wire_file):
     assert expected_of(load_wire(wire_file)).tolerance == MOST_TOLERANCE
     log_file = run(wire_file)

@@ -56,6 +56,7 @@ def rms(errors):
     return float(np.sqrt(np.mean(errors**2)))
 
 
+@pytest.mark.exhaustive
 def test_drift_is_followed_with_a_third_of_the_error_and_certified_rules(rules):
     fixed, adapted, adaptation = follow(rules, drift_c=3.0, drift=-0.05)
     assert rms(fixed) > 5.0
