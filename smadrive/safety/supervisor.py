@@ -1,8 +1,8 @@
 """The supervisor: checks every measurement, is independent of the controller, and can always stop the run.
 
 The supervisor latches the first fault. It debounces conditions that noise can cause: these become a fault only when
-several of the latest samples show them. A sample without the value counts neither way, so a sensor that reads only now
-and then is still checked. Late, wrong and missing data are faults, too.
+several of the latest samples show them. A missing displacement or current counts neither way, so a sensor that reads
+only now and then is still checked. Late, wrong and missing data are faults, too.
 """
 
 from __future__ import annotations
