@@ -3,7 +3,7 @@
 speed    runs that excite, identify and track (six minutes of wire time each), on one worker and on all cores: the ratio
          of the times, the processor time besides the runs, and the memory of the workers; beside it the ratio of plain
          processes without Dask, because the cores of a machine may share their units
-same     short runs of a known wire on 8 workers and on 1 worker: the tables must be equal to the last bit
+same     short runs of a known wire on 8 workers and on 1 worker, both at once: the tables must be equal to the last bit
 kills    short runs while a worker is killed (kill -9) every few seconds: the same table as without
 resume   the command is killed (kill -9) several times and goes on with --resume: the same table as without
 
@@ -168,13 +168,14 @@ def first_half(values: list[float]) -> float:
 
 
 def same(here: Path, runs: int) -> None:
-    digests = {}
-    for workers in (8, 1):
-        digests[workers] = finished(start(short(here, runs), here / f"same-{workers}", "--workers", str(workers)))[
-            "sha256"
-        ]
-        print(f"{runs} short runs on {workers} worker(s): {digests[workers]}", flush=True)
-    print("the tables are", "equal" if len(set(digests.values())) == 1 else "DIFFERENT")
+    campaign = short(here, runs)
+    processes = {workers: start(campaign, here / f"same-{workers}", "--workers", str(workers)) for workers in (8, 1)}
+    digests = set()
+    for workers, process in processes.items():
+        result = finished(process)
+        digests.add(result["sha256"])
+        print(f"{runs} short runs on {workers} worker(s): {result['failed']} failed; {result['sha256']}", flush=True)
+    print("the tables are", "equal" if len(digests) == 1 else "DIFFERENT")
 
 
 def kills(here: Path, runs: int, every_s: float) -> None:
