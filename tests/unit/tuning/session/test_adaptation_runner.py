@@ -1,5 +1,7 @@
 """The rules that the adaptation puts in force on a healthy wire, and those that remain when it ends."""
 
+from math import nan
+
 import numpy as np
 import pytest
 from marks import exhaustive
@@ -8,6 +10,7 @@ from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
 from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.hysteresis.fuzzy import TriangularSets
+from smadrive.identification.reshape import reshaped, shape_of
 from smadrive.measurement import Measurement
 from smadrive.rig.config import FeedbackConfig
 from smadrive.tuning.session.adaptation_runner import AdaptationRunner
@@ -94,6 +97,27 @@ def test_adaptation_begun_while_a_healthy_wire_heats_up_leaves_the_rules(rig, at
     assert after.change == "adaptation"
     before, adapted = (rig.rms_percent([(20.0, model)], over_s=20.0) for model in (rig.model, after.model))
     assert adapted < before + 0.2, (adapted, before)
+
+
+def test_sample_without_power_leaves_the_estimate_of_the_temperature(ruled_rig):
+    """Where the wire heats up, the thermocouple lags: a new estimate would begin at a wrong temperature."""
+    ruled_rig.at(1.0, "arm")
+    ruled_rig.at(2.0, "track", reference="sine")
+    ruled_rig.run(until_s=12.0)
+    short = reshaped(ruled_rig.model, shape_of(ruled_rig.model)._replace(scale=11.0))
+    tuning = Tuning.of(short, FeedbackConfig(), "as identified")
+
+    def learnt_mm(lost):
+        runner = AdaptationRunner(tuning, BALANCE, 0.05, 0.1)
+        runner.switch(True, tuning)
+        for index, tick in enumerate(ruled_rig.ticks):
+            measured = tick.measurement._replace(voltage_v=nan) if index == lost else tick.measurement
+            runner.update(tick._replace(measurement=measured), tuning, is_heating=True)
+        return runner.due(12.0, is_heating=True).model.scale - short.scale
+
+    fastest = int(np.argmax(np.diff([tick.measurement.temperature_c for tick in ruled_rig.ticks])))
+    assert learnt_mm(None) > 0.01
+    assert learnt_mm(fastest) == pytest.approx(learnt_mm(None), rel=0.05)
 
 
 def test_two_ticks_of_one_instant_are_accepted(ruled_rig):

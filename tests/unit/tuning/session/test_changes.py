@@ -10,7 +10,7 @@ from smadrive.rig.config import FeedbackConfig
 from smadrive.tuning.session.reference_catalogue import ReferenceCatalogue
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.identified_wire import parse_wire
-from tests.unit.tuning.conftest import REFERENCE
+from tests.unit.tuning.conftest import REFERENCE, error_mm
 
 
 def test_change_is_put_in_force_without_a_jump(rig):
@@ -148,6 +148,40 @@ def test_comparison_of_equal_tunings_is_refused(rig):
     rig.run(until_s=6.0)
     assert "slot A and slot B hold the same tuning" in rig.answers[compare]
     assert not rig.status["comparison"]["on"]
+
+
+QUICK = "sine:low_mm=4,high_mm=6,period_s=8,cycles=1"
+
+
+def compare_two_strokes(rig, first):
+    """Compare a tuning with a stroke of 12 mm (A) with one of 11 mm (B), on a quick reference that replaces `first`."""
+    rig.at(1.0, "arm")
+    rig.at(1.1, "keep", slot="A")
+    rig.at(1.2, "shape", key="scale", value=11.0)
+    rig.at(1.6, "keep", slot="B")
+    rig.at(1.7, "undo")
+    rig.at(2.0, "track", reference=first)
+    if first != QUICK:
+        rig.at(3.0, "track", reference=QUICK)
+    rig.at(3.0, "compare", on=True)
+
+
+def test_scores_of_a_comparison_are_in_percent_of_one_stroke(rig):
+    compare_two_strokes(rig, QUICK)
+    rig.run(until_s=37.0)
+    turns = [(time_s, event) for time_s, event in rig.status["events"] if event.endswith("drives")]
+    began_s, _ = next(turn for turn in turns if turn[1].endswith("B drives"))
+    ended_s = next(time_s for time_s, event in turns if time_s > began_s)
+    rms_mm = np.sqrt(np.mean(np.square(error_mm(rig.between(began_s - 0.01, ended_s - 0.01)))))
+    assert rig.status["comparison"]["scores"]["B"][0] == pytest.approx(100.0 * rms_mm / 12.0, rel=0.02)
+
+
+def test_turn_of_a_comparison_tracks_a_reference_that_began_just_before(rig):
+    compare_two_strokes(rig, "sine")
+    rig.run(until_s=24.0)
+    assert rig.status["comparison"]["turn"] == "A"
+    setpoints_mm = [tick.command.setpoint_mm for tick in rig.between(22.0, 24.0)]
+    assert 4.0 <= min(setpoints_mm) < max(setpoints_mm) <= 6.0
 
 
 def half_way_c(wire):
