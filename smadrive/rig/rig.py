@@ -35,7 +35,7 @@ from smadrive.rig.sensing_checks import check_sensing, check_sensor
 from smadrive.rig.supervision import WireChecks, supervisor, wire_checks
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
-from smadrive.safety.supervisor import Supervisor
+from smadrive.safety.temperature_band import Heated
 from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
@@ -75,6 +75,7 @@ class Rig:
         profiles = {device.name: load_profile(device.profile) for device in config.devices}
         self._plan = plan_rig(config, profiles, self._transports)
         self._trace_folder = trace_folder
+        self._heated: Heated | None = None
 
     def __enter__(self) -> Self:
         """Open the ports, check the identity of heat source and sensors, and enter the safe state.
@@ -140,7 +141,7 @@ class Rig:
     def excite(self, excitation: Excitation, record: TickHandler) -> LoopMetrics:
         """Run the identification experiment, and pass every tick to `record`. Return the metrics of the loop."""
         controller = excitation_controller(self.config, excitation, self.nominal_balance)
-        return self._run(controller, supervisor(self.config, self.heater, self.nominal_balance), record)
+        return self._run(controller, self.nominal_balance, None, record)
 
     def track(
         self,
@@ -176,7 +177,7 @@ class Rig:
         stop_requested  called before every exchange; the run ends when it returns True
         """
         self.check_balance(balance)
-        return self._run(controller, supervisor(self.config, self.heater, balance, checks), record, stop_requested)
+        return self._run(controller, balance, checks, record, stop_requested)
 
     def check_sensing(
         self, wire: WireModel, displacement_from: DisplacementFrom, temperature_c: float
@@ -211,14 +212,23 @@ class Rig:
         self.clock.sleep_until(self.clock.now_s() + duration_s)
 
     def _run(
-        self, controller: Controller, supervisor: Supervisor, record: TickHandler, stop_requested: StopRequested = never
+        self,
+        controller: Controller,
+        balance: HeatBalance,
+        checks: WireChecks | None,
+        record: TickHandler,
+        stop_requested: StopRequested = never,
     ) -> LoopMetrics:
+        judge = supervisor(self.config, self.heater, balance, checks, self._heated)
         if (latched := self.latch.read()) is not None:
             raise SafetyError("refused to arm: the last run tripped", value=latched, cure=CLEAR)
         self._check_rate()
         heater, clock, period_s = self.heater, self.clock, self.period_s
-        loop = ControlLoop(heater, controller, supervisor, clock, period_s, record, stop_requested, self.latch.latch)
-        return loop.run(self.config.limits.watchdog_s)
+        loop = ControlLoop(heater, controller, judge, clock, period_s, record, stop_requested, self.latch.latch)
+        try:
+            return loop.run(self.config.limits.watchdog_s)
+        finally:
+            self._heated = judge.heated
 
     def _check_rate(self) -> None:
         """Raise ConfigError if the devices cannot keep up with the rig's rate."""

@@ -17,7 +17,7 @@ from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
-from smadrive.safety.temperature_band import UNCERTAINTIES, TemperatureBand
+from smadrive.safety.temperature_band import UNCERTAINTIES, Heated, TemperatureBand
 from smadrive.safety.temperature_by_resistance import TemperatureByResistance
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
@@ -61,15 +61,23 @@ def wire_checks(wire: WireModel, source: DisplacementFrom, expected: ExpectedRes
     return WireChecks(checked, expected)
 
 
-def supervisor(config: RigConfig, heater: Heater, balance: HeatBalance, checks: WireChecks | None = None) -> Supervisor:
+def supervisor(
+    config: RigConfig,
+    heater: Heater,
+    balance: HeatBalance,
+    checks: WireChecks | None = None,
+    last: Heated | None = None,
+) -> Supervisor:
     """Return the supervisor of a run with the limits of the rig file, and with these checks of the wire.
+
+    `last` is the wire at the end of the last run, or None.
 
     ConfigError if the wire can overheat between two temperature readings.
     """
     _check_thermometer(config, heater.temperature_period_s, balance)
     lag_s = LAG_FACTOR * balance.thermocouple_lag_s
     limits = _safety_limits(config, heater.source.settle_s, lag_s)
-    band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s + heater.temperature_period_s)
+    band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s + heater.temperature_period_s, last)
     if checks is None:
         return Supervisor(limits, band)
     wire, displacement = checks.wire, DisplacementBand(checks.wire.model)

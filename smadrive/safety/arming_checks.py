@@ -38,6 +38,17 @@ def check_thermocouple(measurement: Measurement) -> None:
         raise SafetyError(f"{REFUSED}: {fault.cause}", value=reason, cure=fault.remedy)
 
 
+def check_cooled(measurement: Measurement, least_c: float) -> None:
+    """Raise SafetyError when the thermocouple reads less than `least_c`, °C, which the heat of the last run allows."""
+    if measurement.temperature_c < least_c:
+        raise SafetyError(
+            f"{REFUSED}: {Fault.READS_TOO_COLD.cause}; the last run has heated the wire",
+            value=f"{measurement.temperature_c:.1f} °C",
+            limit=f"{least_c:.1f} °C",
+            cure=Fault.READS_TOO_COLD.remedy,
+        )
+
+
 def _check_temperature(temperature_c: float, limits: SafetyLimits) -> None:
     if temperature_c > limits.temperature_max_c:
         raise _too_far(Fault.OVER_TEMPERATURE, temperature_c, "temperature_max_c", limits.temperature_max_c)

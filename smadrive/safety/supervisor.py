@@ -8,16 +8,16 @@ only now and then is still checked. Late, wrong and missing data are faults, too
 from __future__ import annotations
 
 from collections import deque
-from math import isfinite
+from math import inf, isfinite
 
 from smadrive.measurement import Measurement
-from smadrive.safety.arming_checks import check_may_arm
+from smadrive.safety.arming_checks import check_cooled, check_may_arm
 from smadrive.safety.debounce import Debounce, Persistence
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Contradiction, Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits, excuses_less_than
-from smadrive.safety.temperature_band import FROZEN_C, UNBOUNDED, UNFOLLOWED_C, AtLeast, TemperatureBand
+from smadrive.safety.temperature_band import FROZEN_C, UNBOUNDED, UNFOLLOWED_C, AtLeast, Heated, TemperatureBand
 from smadrive.safety.temperature_by_resistance import TemperatureByResistance
 
 LATE_TICKS = 20
@@ -58,7 +58,6 @@ class Supervisor:
         self._strayed = Debounce(3, 5)
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
-        self._banded_s: float | None = None  # time of the temperature band
         self._not_following, self._displacement_unknown = Persistence(), Persistence()
         self._limits_displacement = limits.has_displacement
         self._contradicting = Persistence()
@@ -68,9 +67,7 @@ class Supervisor:
     def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
         """Check one measurement, and return the latched trip or None. `setpoint_mm` is NaN without a reference."""
         self.check_fresh(measurement.time_s)
-        before_s, self._fresh_s = self._banded_s, measurement.time_s
-        self._banded_s = measurement.time_s
-        dt_s = 0.0 if before_s is None else measurement.time_s - before_s
+        self._fresh_s = measurement.time_s
         if self._by_resistance is not None:
             self._by_resistance.update(measurement)
         self._check_device(measurement)
@@ -78,7 +75,7 @@ class Supervisor:
         self._check_current(measurement)
         self._check_power(measurement)
         contradiction = self._contradiction(measurement)
-        self._check_temperature_band(measurement, contradiction, dt_s)
+        self._check_temperature_band(measurement, contradiction)
         self._check_displacement(measurement, setpoint_mm)
         self._check_contradiction(measurement, contradiction)
         self._check_resistance_band(measurement)
@@ -108,8 +105,14 @@ class Supervisor:
         """
         check_may_arm(measurement, self._limits, self._contradiction(measurement))
         if self._temperature_band is not None:
-            self._temperature_band.start(measurement.temperature_c)
-            self._banded_s = measurement.time_s
+            least_c = self._temperature_band.start(measurement.temperature_c, measurement.time_s)
+            if not self._is_cool(measurement, inf):
+                check_cooled(measurement, least_c)
+
+    @property
+    def heated(self) -> Heated | None:
+        """The possible wires now, for the supervisor of the next run. None if the heat input is not checked."""
+        return None if self._temperature_band is None else self._temperature_band.heated
 
     def _check_device(self, measurement: Measurement) -> None:
         if measurement.device_faults:
@@ -152,14 +155,12 @@ class Supervisor:
         if self._powerless.update(not is_known):
             self._raise(Fault.POWER_UNKNOWN, measurement.time_s, measurement.supply_fault or "no reading")
 
-    def _check_temperature_band(
-        self, measurement: Measurement, contradiction: Contradiction | None, dt_s: float
-    ) -> None:
+    def _check_temperature_band(self, measurement: Measurement, contradiction: Contradiction | None) -> None:
         if self._temperature_band is None:
             return
         reading_c = measurement.temperature_c
         at_least = self._at_least(measurement) if contradiction is None else UNBOUNDED
-        band = self._temperature_band.update(reading_c, self._power_w, dt_s, at_least)
+        band = self._temperature_band.update(reading_c, self._power_w, measurement.time_s, at_least)
         is_cool = contradiction is None and self._is_cool(measurement, band.hottest_c)
         if band.coldest_c > self._limits.temperature_max_c and not is_cool:
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"

@@ -28,6 +28,10 @@ A reading that changes may still rise too little. The least rise R of the wire b
 
 It is compared with the rise of the reading above its own mean. The short time τ, `UNFOLLOWED_S`, leaves out a power
 that only makes up for a draft.
+
+A run that begins soon after another one goes on with its band. Once the thermocouple has settled, the band begins at
+the reading, but no colder than the coldest wire of the last run has become: a bead without contact reads the same cold
+temperature before every run, while each run heats the wire further.
 """
 
 from __future__ import annotations
@@ -36,6 +40,7 @@ from dataclasses import dataclass
 from math import exp, inf, isfinite
 from typing import NamedTuple
 
+from smadrive.safety.bounding_wire import BoundingWire, Shown, SimpleWire
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 
 TRANSFORMATION_C = 20.0
@@ -48,6 +53,8 @@ UNFOLLOWED_S = 1.0
 """The heat input of about this time is compared with the rise of the reading, s."""
 UNFOLLOWED_C = 5.0
 """A reading that stays behind the heat input of `UNFOLLOWED_S` by more than this is a fault, K."""
+SETTLED_LAGS = 2.0
+"""The thermocouple of a wire at rest has settled after this multiple of the longest possible lag."""
 FROZEN_C = 3.0
 """A temperature change of the wire by more than this is a fault if the reading stays constant, K."""
 
@@ -96,59 +103,105 @@ class Band(NamedTuple):
     """The part of the least rise by the power of the last second that the reading does not show, K."""
 
 
+class Heated(NamedTuple):
+    """The coldest and the hottest possible wire at the time `time_s`, in s."""
+
+    time_s: float
+    coldest: Shown
+    hottest: Shown
+
+
 class TemperatureBand:
     """Computes the range of possible temperatures from the heat input, as described at the head of this file.
 
-    `balance` is the heat balance of the wire with its `uncertainty`; `lag_s` is the lag of the thermocouple.
+    `balance` is the heat balance of the wire with its `uncertainty`, `lag_s` the lag of the thermocouple, and `last`
+    the wire at the end of the last run, or None.
     """
 
-    def __init__(self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float) -> None:
+    def __init__(
+        self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float, last: Heated | None = None
+    ) -> None:
         self._capacity_j_per_k = uncertainty.capacity * balance.heat_capacity_j_per_k
         self._latent_j_per_k = uncertainty.capacity * balance.latent_heat_j / TRANSFORMATION_C
         slow = self._capacity_j_per_k + self._latent_j_per_k
         quick = balance.heat_capacity_j_per_k / uncertainty.capacity
         most_w_per_k, least_w_per_k = balance.loss_w_per_k * uncertainty.loss, balance.loss_w_per_k / uncertainty.loss
         self._ambient_c = balance.ambient_c
-        self._coldest = _Wire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=quick)
-        self._hottest = _Wire(least_w_per_k, warming_j_per_k=quick, cooling_j_per_k=slow)
-        self._unseen = _Wire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=slow)
+        self._coldest = BoundingWire(most_w_per_k, min, warming_j_per_k=slow, cooling_j_per_k=quick)
+        self._hottest = BoundingWire(least_w_per_k, max, warming_j_per_k=quick, cooling_j_per_k=slow)
+        self._unseen = SimpleWire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=slow)
         self._lag_s = lag_s
-        self.start(balance.ambient_c)
+        self._last = last
+        self._time_s: float | None = None
+        self._begin(balance.ambient_c)
 
-    def start(self, reading_c: float) -> None:
-        """Start with a wire at rest at `reading_c`. The wire may be warmer or colder than its surroundings."""
+    @property
+    def heated(self) -> Heated | None:
+        """The possible wires now. Before the start of the run: at the end of the last run, None without one."""
+        if self._time_s is None:
+            return self._last
+        return Heated(self._time_s, self._coldest.shown, self._hottest.shown)
+
+    def start(self, reading_c: float, time_s: float) -> float:
+        """Start with a wire at rest at `reading_c`. Return the least possible reading, °C.
+
+        The wire may be warmer or colder than its surroundings, but not colder than the last run has left it.
+        """
+        self._begin(reading_c)
+        self._time_s = time_s
+        if self._last is not None:
+            self._resume(self._last, reading_c, time_s - self._last.time_s)
+        return self._coldest.reading_c - MARGIN_C
+
+    def _resume(self, last: Heated, reading_c: float, dt_s: float) -> None:
+        """Go on with the wires of the last run, which have cooled for `dt_s`."""
+        is_settled = dt_s > SETTLED_LAGS * self._lag_s
+        self._coldest.resume(last.coldest)
+        if not is_settled:
+            self._hottest.resume(last.hottest)
+        self._step(0.0, dt_s)
+        if is_settled:
+            left = self._coldest.shown
+            self._coldest.resume(Shown(max(left.wire_c, reading_c), max(left.reading_c, reading_c)))
+
+    def _begin(self, reading_c: float) -> None:
         self._coldest.start(reading_c, min(self._ambient_c, reading_c) - SURROUNDINGS_C)
         self._hottest.start(reading_c, max(self._ambient_c, reading_c) + SURROUNDINGS_C)
-        self._low_c = self._high_c = reading_c
         self._phase = 0.0
         self._mean_c, self._mean_w, self._rise_k, self._shown_k = reading_c, 0.0, 0.0, 0.0
         self._changed(reading_c, 0.0)
 
-    def update(self, reading_c: float, power_w: float, dt_s: float, at_least: AtLeast = UNBOUNDED) -> Band:
-        """Return the band after `dt_s` of heating with `power_w`; the thermocouple now reads `reading_c`."""
+    def update(self, reading_c: float, power_w: float, time_s: float, at_least: AtLeast = UNBOUNDED) -> Band:
+        """Return the band at `time_s`, after heating with `power_w`. The thermocouple now reads `reading_c`."""
+        dt_s = 0.0 if self._time_s is None else time_s - self._time_s
+        self._time_s = time_s
         is_cooling = power_w < self._coldest.holding_w()
         self._phase = at_least.phase if is_cooling else max(at_least.phase, self._phase)
         self._coldest.warming_j_per_k = self._capacity_j_per_k + (1.0 - self._phase) * self._latent_j_per_k
-        coldest_c = max(self._coldest.step(power_w, dt_s), at_least.temperature_c)
-        self._coldest.temperature_c = coldest_c
-        hottest_c = self._hottest.step(power_w, dt_s)
-        follow = 1.0 - exp(-dt_s / self._lag_s) if self._lag_s > 0 else 1.0
-        self._low_c = min(self._low_c + follow * (coldest_c - self._low_c), coldest_c)
-        self._high_c = max(self._high_c + follow * (hottest_c - self._high_c), hottest_c)
+        followed = self._step(power_w, dt_s, at_least.temperature_c)
+        (coldest_c, low_c), (hottest_c, high_c) = self._coldest.shown, self._hottest.shown
         unseen_c = self._unseen_c(reading_c, power_w, dt_s)
-        unfollowed_c = self._unfollowed_c(reading_c, power_w, follow, dt_s)
-        return Band(self._low_c - MARGIN_C, self._high_c + MARGIN_C, coldest_c, hottest_c, unseen_c, unfollowed_c)
+        unfollowed_c = self._unfollowed_c(reading_c, power_w, followed, dt_s)
+        return Band(low_c - MARGIN_C, high_c + MARGIN_C, coldest_c, hottest_c, unseen_c, unfollowed_c)
 
-    def _unfollowed_c(self, reading_c: float, power_w: float, follow: float, dt_s: float) -> float:
+    def _step(self, power_w: float, dt_s: float, at_least_c: float = -inf) -> float:
+        """Heat the possible wires. Return the part of a change that the thermocouple shows after `dt_s`."""
+        followed = 1.0 - exp(-dt_s / self._lag_s) if self._lag_s > 0 else 1.0
+        for wire, least_c in ((self._coldest, at_least_c), (self._hottest, -inf)):
+            wire.temperature_c = max(wire.step(power_w, dt_s), least_c)
+            wire.show(followed)
+        return followed
+
+    def _unfollowed_c(self, reading_c: float, power_w: float, followed: float, dt_s: float) -> float:
         """Return how far the reading stays behind the least rise by the power of the last second, K.
 
-        `follow` is the part of a change that the thermocouple shows after `dt_s`.
+        `followed` is the part of a change that the thermocouple shows after `dt_s`.
         """
         keep = exp(-dt_s / UNFOLLOWED_S)
         settled_k = (power_w - self._mean_w) * UNFOLLOWED_S / self._coldest.warming_j_per_k
         self._rise_k = settled_k + (self._rise_k - settled_k) * keep
         self._mean_w = power_w + (self._mean_w - power_w) * keep
-        self._shown_k = min(self._shown_k + follow * (self._rise_k - self._shown_k), self._rise_k)
+        self._shown_k = min(self._shown_k + followed * (self._rise_k - self._shown_k), self._rise_k)
         if not isfinite(reading_c):
             return 0.0
         self._mean_c = reading_c + (self._mean_c - reading_c) * keep
@@ -167,27 +220,3 @@ class TemperatureBand:
         self._power_then_w = power_w
         self._still_s = 0.0
         self._unseen.start(0.0, 0.0)
-
-
-class _Wire:
-    """The heat balance of a wire with different heat capacities on warming and on cooling, in J/K."""
-
-    def __init__(self, loss_w_per_k: float, *, warming_j_per_k: float, cooling_j_per_k: float) -> None:
-        self._loss_w_per_k = loss_w_per_k
-        self.warming_j_per_k = warming_j_per_k
-        self._cooling_j_per_k = cooling_j_per_k
-
-    def start(self, temperature_c: float, ambient_c: float) -> None:
-        self.temperature_c = temperature_c
-        self._ambient_c = ambient_c
-
-    def holding_w(self) -> float:
-        """Return the power that holds the temperature, W."""
-        return self._loss_w_per_k * (self.temperature_c - self._ambient_c)
-
-    def step(self, power_w: float, dt_s: float) -> float:
-        settled_c = self._ambient_c + power_w / self._loss_w_per_k
-        capacity = self.warming_j_per_k if settled_c > self.temperature_c else self._cooling_j_per_k
-        decayed_c = (self.temperature_c - settled_c) * exp(-dt_s * self._loss_w_per_k / capacity)
-        self.temperature_c = settled_c + decayed_c
-        return self.temperature_c

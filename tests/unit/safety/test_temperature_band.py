@@ -1,5 +1,6 @@
 """The reading against the heat input: no healthy wire trips, and no faulty sensor hides a hot wire."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 from math import nan, sin
 
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from smadrive.errors import SafetyError
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 from smadrive.safety.displacement_band import DisplacementBand
@@ -52,18 +54,18 @@ class Wire:
         return self.reading_c
 
 
-def supervised(balance, uncertainty=NOMINAL, maximum_c=135.0, displacement_band=None):
+def supervised(balance, uncertainty=NOMINAL, maximum_c=135.0, displacement_band=None, heated=None):
     lag_s = 3 * balance.thermocouple_lag_s
-    return Supervisor(SafetyLimits(maximum_c), TemperatureBand(balance, uncertainty, lag_s), displacement_band)
+    return Supervisor(SafetyLimits(maximum_c), TemperatureBand(balance, uncertainty, lag_s, heated), displacement_band)
 
 
-def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c, sees=False):
-    """Heat the wire, and pass its reading through `read` to the supervisor; return the trip or None.
+def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c, sees=False, begin=0):
+    """Heat the wire from tick `begin` on, and pass its reading through `read` to the supervisor.
 
-    With `sees`, a sensor measures the displacement.
+    Return the trip or None. With `sees`, a sensor measures the displacement.
     """
-    supervisor.check_may_arm(Measurement(0.0, wire.reading_c, 0.0, 0.0))
-    for n, power_w in enumerate(powers_w, start=1):
+    supervisor.check_may_arm(Measurement(begin * TICK_S, read(begin, wire.reading_c), 0.0, 0.0))
+    for n, power_w in enumerate(powers_w, start=begin + 1):
         reading_c = read(n, wire.heat(power_w))
         seen_mm = wire.state.y if sees else nan
         sample = Measurement(n * TICK_S, reading_c, power_w, 1.0, seen_mm, in_force_a=power_w, armed=True)
@@ -82,11 +84,12 @@ def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c, sees=F
     ambient_c=st.floats(15.0, 29.0),
     powers=st.lists(st.one_of(HOLDING, BURST), min_size=3, max_size=12),
     sees=st.booleans(),
+    pause=st.integers(0, 60),
 )
 def test_healthy_wire_of_any_allowed_parameters_does_not_trip(
-    capacity, loss, latent, sigma, lag_s, ambient_c, powers, sees
+    capacity, loss, latent, sigma, lag_s, ambient_c, powers, sees, pause
 ):
-    """The powers are those that hold a wire, with bursts far above."""
+    """The powers are those that hold a wire, with bursts far above. A second run begins after a pause."""
     true = replace(
         NOMINAL_BALANCE,
         heat_capacity_j_per_k=NOMINAL_BALANCE.heat_capacity_j_per_k * capacity,
@@ -97,7 +100,50 @@ def test_healthy_wire_of_any_allowed_parameters_does_not_trip(
     )
     steps = [power_w for power_w, ticks in powers for _ in range(ticks)]
     supervisor = supervised(NOMINAL_BALANCE, maximum_c=600.0, displacement_band=DisplacementBand(LOOP))
-    assert run(supervisor, Wire(true, sigma), steps, sees=sees) is None
+    wire = Wire(true, sigma)
+    assert run(supervisor, wire, steps, sees=sees) is None
+    for _ in range(pause):
+        wire.heat(0.0)
+    again = supervised(NOMINAL_BALANCE, NOMINAL, 600.0, DisplacementBand(LOOP), supervisor.heated)
+    assert run(again, wire, steps, sees=sees, begin=len(steps) + pause) is None
+
+
+@pytest.mark.parametrize("pause", [1, 5])
+def test_short_runs_heat_a_wire_with_a_loose_bead_no_further_than_one_run(pause):
+    """Each run ends before its heat is seen. The next one must not forget it."""
+
+    def read(n, _reading_c):
+        return 22.0 + 0.01 * (n % 2)
+
+    alone, wire = Wire(NOMINAL_BALANCE), Wire(NOMINAL_BALANCE)
+    assert run(supervised(NOMINAL_BALANCE, IDENTIFIED), alone, [2.0] * 100, read).fault is Fault.READS_TOO_COLD
+    heated, hottest_c = None, []
+    for begin in range(0, 15 * 100, 15):
+        supervisor = supervised(NOMINAL_BALANCE, IDENTIFIED, heated=heated)
+        try:
+            trip = run(supervisor, wire, [2.0] * (15 - pause), read, begin=begin)
+        except SafetyError as refused:
+            trip = refused
+        hottest_c.append(wire.temperature_c)
+        if trip is not None:
+            break
+        for _ in range(pause):
+            wire.heat(0.0)
+        heated = supervisor.heated
+    assert trip is not None
+    assert max(hottest_c) - 22.0 < 1.2 * (alone.temperature_c - 22.0)
+
+
+def test_wire_is_armed_again_when_the_heat_of_its_last_run_is_gone():
+    """The reading of the loose bead is right after the wire has cooled."""
+    wire = Wire(NOMINAL_BALANCE)
+    supervisor = supervised(NOMINAL_BALANCE, IDENTIFIED)
+    run(supervisor, wire, [2.0] * 100, lambda n, _c: 22.0 + 0.01 * (n % 2))
+    for after_s, is_refused in ((0.1, True), (20.0, False)):
+        rest = Measurement(supervisor.heated.time_s + after_s, 22.0, 0.0, 0.0)
+        again = supervised(NOMINAL_BALANCE, IDENTIFIED, heated=supervisor.heated)
+        with pytest.raises(SafetyError) if is_refused else nullcontext():
+            again.check_may_arm(rest)
 
 
 def test_loose_bead_on_a_transformed_wire_trips_sooner_with_its_displacement():

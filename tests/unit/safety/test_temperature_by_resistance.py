@@ -102,7 +102,7 @@ def test_resistance_belongs_to_a_right_reading_and_not_to_a_wrong_one():
 
 def trip(samples, judged):
     band = TemperatureBand(BALANCE, IDENTIFIED, 0.5)
-    band.start(samples[0].temperature_c)
+    band.start(samples[0].temperature_c, samples[0].time_s)
     supervisor = Supervisor(LIMITS, band, DisplacementBand(MODEL), by_resistance=judged)
     for one in samples:
         if found := supervisor.update(one, nan):
