@@ -117,7 +117,7 @@ def _lines(url: str, profiles: Iterable[Profile]) -> list[SerialSettings | None]
 
 
 def _text(line: SerialSettings | None) -> str:
-    return "" if line is None else f"{line.baudrate} 8{line.parity}{line.stopbits}"
+    return "" if line is None else str(line)
 
 
 def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSettings | None) -> Iterator[str]:

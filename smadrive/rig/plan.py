@@ -18,7 +18,7 @@ from smadrive.devices.heating.tclab import TCLab
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.retry import PAUSES_S
 from smadrive.errors import ConfigError
-from smadrive.modbus.transports.connect import latency_s_of
+from smadrive.modbus.transports.connect import latency_s_of, line_settings, port_of
 from smadrive.rig.config import LimitsConfig, RigConfig
 from smadrive.rig.planned_device import SIMULATED, PlannedDevice
 
@@ -128,9 +128,13 @@ def _check_thermometer(source: PlannedDevice, sensors: Iterable[PlannedSensor], 
 
 
 def _check_addresses(devices: Sequence[PlannedDevice], where: str) -> None:
-    """Raise ConfigError if devices at one address cannot share it, or simulated devices are on two benches."""
-    for url in {device.config.url for device in devices if not device.config.url.startswith(SIMULATED)}:
-        _check_line(url, [device for device in devices if device.config.url == url])
+    """Raise ConfigError if devices at one port cannot share it, or simulated devices are on two benches."""
+    sharing: dict[str, list[PlannedDevice]] = {}
+    for device in devices:
+        if not device.config.url.startswith(SIMULATED):
+            sharing.setdefault(port_of(device.config.url), []).append(device)
+    for port, at_port in sharing.items():
+        _check_port(port, at_port)
     urls = {device.config.url for device in devices if device.is_simulated and not device.is_given}
     if len({url.partition("?")[0] for url in urls}) > 1:
         raise ConfigError(
@@ -141,24 +145,45 @@ def _check_addresses(devices: Sequence[PlannedDevice], where: str) -> None:
         )
 
 
-def _check_line(url: str, devices: Sequence[PlannedDevice]) -> None:
-    """Raise ConfigError if a device cannot share its line with other devices, or two devices have the same unit id."""
+def _check_port(port: str, devices: Sequence[PlannedDevice]) -> None:
+    """Raise ConfigError if a device cannot share its port with other devices, or two devices have the same unit id."""
     by_unit: dict[int, PlannedDevice] = {}
     for device in devices:
         if len(devices) > 1 and not device.profile.has_registers:
             raise ConfigError(
-                f"'{device.config.profile}' cannot share {url} with other devices",
+                f"'{device.config.profile}' cannot share {port} with other devices",
                 where=device.where,
                 cure="connect the other devices to another port",
             )
         other = by_unit.setdefault(device.unit_id, device)
         if other is not device:
             raise ConfigError(
-                f"two devices at {url} have the same unit id",
+                f"two devices at {port} have the same unit id",
                 where=f"devices '{other.name}' and '{device.name}'",
                 value=device.unit_id,
                 cure="set another unit id at one device, and write it into the rig file",
             )
+    _check_settings(port, devices)
+
+
+def _check_settings(port: str, devices: Sequence[PlannedDevice]) -> None:
+    """Raise ConfigError if devices at one port have different urls or line settings.
+
+    The driver opens the port for one of the devices. The guardian and `off` open it for the heat source.
+    """
+    where = f"devices {_names(devices)}"
+    urls = dict.fromkeys(device.config.url for device in devices)
+    if len(urls) > 1:
+        what, cure = "the devices share a port, but their urls differ", "write the same url at all of them"
+        raise ConfigError(what, where=where, value=", ".join(urls), cure=cure)
+    lines = {str(line_settings(device.config.url, device.profile.serial_settings())) for device in devices}
+    if len(lines) > 1:
+        raise ConfigError(
+            f"devices at {port} need the same line settings",
+            where=where,
+            value=", ".join(sorted(lines)),
+            cure="set the devices alike, and write ?baudrate=…&parity=…&stopbits=… into their url",
+        )
 
 
 def _limits(limits: LimitsConfig) -> HeaterLimits:

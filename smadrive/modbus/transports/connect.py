@@ -83,6 +83,17 @@ def port_of(url: str) -> str:
     return f"tcp://{host.removesuffix('.')}:{number}"
 
 
+def line_settings(url: str, defaults: SerialSettings | None) -> SerialSettings | None:
+    """Return the settings with which `open_transport` opens a serial port; None for a port on a network.
+
+    ConfigError when an option or value is unknown.
+    """
+    parts = _split(url)
+    if parts.scheme != "serial":
+        return None
+    return _options(url, parts.query, defaults or SerialSettings(), tuple(_ALLOWED))[0]
+
+
 def latency_s_of(url: str) -> float:
     """Return `latency_ms` of a URL in seconds; 0 if it is not set. ConfigError when an option or value is unknown."""
     return _options(url, _split(url).query, SerialSettings(), tuple(_ALLOWED))[1]

@@ -95,3 +95,7 @@ class SerialSettings:
     baudrate: int = 115200
     parity: Parity = "N"
     stopbits: Literal[1, 2] = 1
+
+    def __str__(self) -> str:
+        """Return the settings in the usual short form, such as 9600 8N2."""
+        return f"{self.baudrate} 8{self.parity}{self.stopbits}"

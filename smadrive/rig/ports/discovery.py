@@ -55,7 +55,7 @@ def discover(port: str, unit_ids: Sequence[int], ask: Callable[[str, int], None]
     for found in scan(port, unit_ids, profiles, ask):
         line, url = "", port
         if (settings := found.line) is not None:
-            line = f"{settings.baudrate} 8{settings.parity}{settings.stopbits}"
+            line = str(settings)
             options = f"baudrate={settings.baudrate}&parity={settings.parity}&stopbits={settings.stopbits}"
             url = f"{port}{'&' if '?' in port else '?'}{options}"
         devices.append(DiscoveredDevice(found.unit_id, line, url, found.proved, found.possible))

@@ -87,6 +87,20 @@ def test_guardian_that_could_not_await_a_reply_is_an_error():
     assert float(slow_line.limit.split()[0]) > 3.0
 
 
+def test_devices_at_one_port_need_the_same_line_settings():
+    """The driver would open the port for the first device, and the guardian for the source."""
+    line = "serial:///dev/a"
+    error = error_of(READER | {"url": line, "unit_id": 2}, SUPPLY | {"url": line})
+    assert error.value == f"115200 8N1, {load_profile('delta-dtb').serial_settings()}"
+    line += "?baudrate=9600&parity=N&stopbits=1"
+    assert plan(READER | {"url": line, "unit_id": 2}, SUPPLY | {"url": line}).source.name == "supply"
+
+
+def test_one_port_has_one_url():
+    error = error_of(SUPPLY, READER | {"url": SUPPLY["url"] + "?baudrate=115200", "unit_id": 1})
+    assert error.where == "devices 'supply', 'reader'"
+
+
 def test_rig_has_exactly_one_device_that_heats():
     assert error_of(READER, LASER).value == "none"
     assert error_of(SUPPLY, BOARD).value == "'supply', 'board'"
@@ -138,7 +152,8 @@ def test_two_devices_of_one_unit_id_on_a_line_are_an_error(changes):
 
 
 def test_devices_of_different_unit_ids_share_a_line():
-    plan(SUPPLY, READER | {"url": "serial:///dev/x", "unit_id": 7}, LASER | {"url": "serial:///dev/x", "unit_id": 8})
+    url = "serial:///dev/x?baudrate=9600&parity=N&stopbits=1"
+    plan(SUPPLY, READER | {"url": url, "unit_id": 7}, LASER | {"url": url, "unit_id": 8})
 
 
 def test_text_device_shares_no_line():
