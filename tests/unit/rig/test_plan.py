@@ -97,7 +97,7 @@ def test_devices_at_one_port_need_the_same_line_settings():
 
 
 def test_one_port_has_one_url():
-    error = error_of(SUPPLY, READER | {"url": SUPPLY["url"] + "?baudrate=115200", "unit_id": 1})
+    error = error_of(SUPPLY, READER | {"url": SUPPLY["url"] + "?baudrate=115200", "unit_id": 2})
     assert error.where == "devices 'supply', 'reader'"
 
 
