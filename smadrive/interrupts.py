@@ -60,8 +60,10 @@ class HeldSignals:
     ) -> None:
         """Give the signals back to the program's own handlers."""
         self._may_abort = False
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, self._handlers)  # a handler may raise: all are restored first
         for number, handler in self._handlers.items():
             signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         if isinstance(error, AbortedError):
             signal.raise_signal(self.received[-1])
 

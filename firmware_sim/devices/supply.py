@@ -7,6 +7,9 @@ A supply with the roles `ovp` and `ocp` has protections. If the set or measured 
 or measured current is higher than `ocp`, the supply switches its output off and latches the protection. If the register
 of the role `faults` is writable, a write of 0 to this register resets the protection. Otherwise only the panel or a
 power-up resets the protection.
+
+A supply keeps its setpoints over a power failure. If the register of the role `boot_power` holds 1, the supply then
+also switches its output on. As delivered it holds 0.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ TRIP_MARGIN = 1.01  # a measured value may exceed a protection by this factor, b
 class SupplyFirmware:
     """A current limit, a voltage limit and an output switch.
 
-    At the start the output is off and both limits are zero.
+    At the start the output is off, and both limits are zero.
     """
 
     def __init__(self, sensors: Sensors, profile: Profile, log_event: Callable[[str], None]) -> None:
@@ -38,7 +41,10 @@ class SupplyFirmware:
             for role in ("ovp", "ocp")
             if getattr(profile.roles, role) is not None
         }
-        self.restart()
+        self.set_a = self.set_v = 0.0
+        self.boots_on = False
+        self.on = False
+        self.latched = "ok"
 
     @property
     def current_a(self) -> float:
@@ -51,11 +57,9 @@ class SupplyFirmware:
         return self.set_v if self._has_voltage else inf
 
     def restart(self) -> None:
-        """Power up: output off, setpoints zero, no protection latched. The protection limits keep their values."""
-        self.set_a = 0.0
-        self.set_v = 0.0
-        self.on = False
+        """Power up: no protection is latched, and setpoints and protection limits keep their values."""
         self.latched = "ok"
+        self._switch(on=self.boots_on)
 
     def tick(self, _dt_s: float) -> None:
         """Check the measured voltage and current against the protections."""
@@ -69,6 +73,7 @@ class SupplyFirmware:
         """Set current, voltage, protections and output. A role that `values` does not contain keeps its value."""
         self.set_a = values.get("heater_current", self.set_a)
         self.set_v = values.get("heater_voltage", self.set_v)
+        self.boots_on = bool(values.get("boot_power", self.boots_on))
         self.protections |= {name: values[name] for name in self.protections if name in values}
         if values.get("faults") == 0:
             self.latched = "ok"
@@ -85,6 +90,7 @@ class SupplyFirmware:
             "measured_voltage": self._sensors.voltage_v,
             "regulation": self._regulation(),
             "faults": self.latched,
+            "boot_power": float(self.boots_on),
             **self.protections,
         }
 

@@ -22,6 +22,7 @@ from dataclasses import replace
 from functools import partial
 
 from smadrive.devices.identity import UNKNOWN, Identity, IdentityCheck, IdentityDoubt, TypeCheck
+from smadrive.devices.profile.codec import down
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import RegisterReading
 from smadrive.devices.profile.schema import WriteOrder
@@ -82,7 +83,7 @@ class Device:
     def check_identity(self) -> None:
         """Prove that the profile describes the device, and find its model; IdentityError if the proof fails.
 
-        The first check gives the device `boot_ms` to start. Every later check requires the same device as the first.
+        The first check gives the device time to start (`patience_s`). Every later check requires the same device.
         """
         connection, names = self.client.connection, self._check.registers
         first = self._proved_on is None
@@ -117,12 +118,14 @@ class Device:
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, RegisterReading]:
         """Write `writes` and read `reads` in one FC23 transaction, and return the readings by name.
 
-        It is never retried. ConfigError when one request cannot write or read these registers.
+        Values are rounded down. Nothing is retried. ConfigError when one request cannot write or read these registers.
         """
         with self._doubt:
             self._prove_model()
             target, source = self._registers.plans.exchange(tuple(writes), tuple(reads))
-            words = [word for name, _, _, codec in target.parts for word in codec.encode(writes[name], name)]
+            words = [
+                word for name, _, _, codec in target.parts for word in codec.encode(writes[name], name, rounding=down)
+            ]
             request = requests.exchange(target.address, words, source.address, source.count)
             self._prove_identity()
             return decode((source,), (source.words(self._registers.execute(request, self._proved_on)),), reads)
@@ -132,15 +135,15 @@ class Device:
     ) -> dict[str, RegisterReading]:
         """Read `reads`, then write `value` to the register `name`, unless the previous command wrote the same value.
 
-        `reads` must include `name`. Return the readings by name; they show the effect of the previous command.
-        ReadBackError when the register does not hold the value of the previous command.
+        The value is rounded down. `reads` must include `name`. Return the readings by name; they show the effect of the
+        previous command. ReadBackError when the register does not hold the value of the previous command.
         """
         with self._doubt:
             return self._command(name, value, reads, proved=proved)
 
     def _command(self, name: str, value: float, reads: Sequence[str], *, proved: bool) -> dict[str, RegisterReading]:
         self._prove_model()
-        write = self._registers.encode(name, value)
+        write = self._registers.encode(name, value, down)
         self._prove_identity()
         spans = self._registers.plans.read(tuple(reads))
         words = [self._registers.span_words(span, proved=proved) for span in spans]
@@ -156,8 +159,7 @@ class Device:
     def enter_safe_state(self) -> None:
         """Write the profile's safe state and confirm it by read-back; see `retry_all`.
 
-        A line can lose all replies and still deliver the requests. So a failed write is sent once more, without waiting
-        for a reply. The second write is harmless. Only a read-back confirms the safe state.
+        A line can lose all replies and still deliver the requests: a failed write is sent again, without waiting.
         """
         steps = [partial(self._make_safe, step.register_, step.value) for step in self.profile.safe_state]
         retry_all([*steps, self._confirm_identity], self.client.clock)
@@ -221,8 +223,8 @@ class Device:
             self._store(write)
 
     def _read_patiently(self, names: tuple[str, ...]) -> dict[str, RegisterReading]:
-        """Read the registers with `proved=True`; if the device is silent, try again until `boot_ms` have passed."""
-        give_up_s = self.client.clock.now_s() + self.profile.timing.boot_ms / 1e3
+        """Read the registers with `proved=True`; if the device is silent, try again until `patience_s` has passed."""
+        give_up_s = self.client.clock.now_s() + self.profile.timing.patience_s
         while True:
             try:
                 return self._registers.read(names, proved=True)

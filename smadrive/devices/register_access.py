@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from smadrive.devices.profile.codec import Rounding
 from smadrive.devices.profile.dependent_registers import context_of
 from smadrive.devices.profile.function_codes import write_request
 from smadrive.devices.profile.profile import Profile
@@ -69,10 +70,10 @@ class RegisterAccess:
         spans = [span for span in self.plans.read((name,)) if any(part.name == name for part in span.parts)]
         return words_of_register(spans, [self.span_words(span, proved=proved) for span in spans], name)
 
-    def encode(self, name: str, value: float) -> RegisterWrite:
+    def encode(self, name: str, value: float, rounding: Rounding = round) -> RegisterWrite:
         """Read the registers on which `name` depends, and return the write of `value` to `name`.
 
-        ConfigError if `value` cannot be written.
+        `rounding` makes the raw number whole. ConfigError if `value` cannot be written.
         """
         register = self.profile.register(name)
         if not register.writable:
@@ -82,7 +83,7 @@ class RegisterAccess:
             context = context_of(register, self.read(register.depends_on))
         if context.problem is not None:
             raise ConfigError("cannot be written now", where=f"register '{name}'", value=context.problem)
-        return RegisterWrite(name, register, context, register.codec.encode(value, name, context))
+        return RegisterWrite(name, register, context, register.codec.encode(value, name, context, rounding))
 
     def send(self, write: RegisterWrite, connection: int | None) -> None:
         """Send the write on the connection with this number; None allows any. An ExceptionReply names the register."""

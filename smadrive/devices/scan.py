@@ -30,6 +30,7 @@ from smadrive.modbus.transports.transport import SerialSettings, Transport
 
 SILENT = 3
 """A unit that answers none of its first `SILENT` requests counts as absent."""
+NO_PATIENCE = {"boot_ms": 0.0, "opening_ms": 0.0}
 TIMEOUT_MS = 200.0
 """Shortest response timeout of a scan. A profile with a longer timeout keeps its own."""
 PATIENCE_MS = 500.0
@@ -137,7 +138,7 @@ def _identified(
     silent, answered = 0, False
     for profile in profiles:
         timeout_ms = max(TIMEOUT_MS, profile.timing.response_timeout_ms)
-        quick = {"response_timeout_ms": timeout_ms, "retries": 0, "boot_ms": 0.0, "poll_interval_ms": 0.0}
+        quick = {"response_timeout_ms": timeout_ms, "retries": 0, "poll_interval_ms": 0.0} | NO_PATIENCE
         quick_profile = profile.model_copy(update={"timing": profile.timing.model_copy(update=quick)})
         try:
             if _is_one(Device(quick_profile, client, unit_id)):

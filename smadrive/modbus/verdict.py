@@ -125,6 +125,7 @@ TRANSITIONS = {
     (ConnectionState.READY, ConnectionEvent.STRAY): ConnectionState.SUSPECT,
     (ConnectionState.SUSPECT, ConnectionEvent.STRAY): ConnectionState.SUSPECT,
     (ConnectionState.SUSPECT, ConnectionEvent.FAILED): ConnectionState.SUSPECT,
+    (ConnectionState.OUT_OF_STEP, ConnectionEvent.FAILED): ConnectionState.OUT_OF_STEP,
     (ConnectionState.SUSPECT, ConnectionEvent.SILENCE): ConnectionState.READY,
     (ConnectionState.READY, ConnectionEvent.SILENCE): ConnectionState.READY,
     **{(state, ConnectionEvent.NEW_CONNECTION): ConnectionState.SUSPECT for state in ConnectionState},

@@ -92,13 +92,14 @@ def open_devices(
 
 
 def heat_source(planned: PlannedDevice, device: Device | TCLabBoard, clock: Clock) -> HeatSource:
-    """Return the open device as a heat source. `check_full_scales` must have checked its full scales."""
+    """Return the open device as a heat source.
+
+    `check_full_scales` checks the full scales before a run. `off` does not read them: no current is no current at every
+    scale.
+    """
     if isinstance(device, Device):
         return HeaterBoard(device, clock) if planned.source_type is HeaterBoard else BenchSupply(device)
-    full_scale_a, full_scale_v = planned.config.full_scale_a, planned.config.full_scale_v
-    assert full_scale_a is not None
-    assert full_scale_v is not None
-    return TCLab(device, full_scale_a, full_scale_v)
+    return TCLab(device, planned.config.full_scale_a or 1.0, planned.config.full_scale_v or 1.0)
 
 
 def port_key(device: PlannedDevice) -> DeviceKey | None:

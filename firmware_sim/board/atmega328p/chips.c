@@ -30,11 +30,13 @@ static bool read_twice(uint8_t address, uint8_t pointer, uint16_t *value) {
 
 bool meters_read(uint16_t *current, uint16_t *voltage) {
     uint16_t shunt, upper, lower;
+    uint32_t counts;
     if (!read_twice(UPPER, SHUNT_VOLTAGE, &shunt) || !read_twice(UPPER, BUS_VOLTAGE, &upper) ||
         !read_twice(LOWER, BUS_VOLTAGE, &lower)) {
         return false;
     }
-    *current = shunt & 0x8000u ? 0 : (uint16_t)(shunt * CURRENT_SCALE >> 12);
+    counts = shunt & 0x8000u ? 0 : shunt * CURRENT_SCALE >> 12;
+    *current = counts < UINT16_MAX ? (uint16_t)counts : UINT16_MAX;
     *voltage = upper > lower ? (uint16_t)((upper - lower) * 5ul / 4) : 0;
     return true;
 }

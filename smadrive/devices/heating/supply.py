@@ -50,8 +50,15 @@ class BenchSupply(DeviceSource[Device]):
         self._voltage_set: RegisterReading | None = None
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:  # noqa: ARG002  (a supply has no watchdog)
-        """Prove the identity again, then set protections, voltage limit and zero current, confirmed by read-back."""
+        """Prove the identity again, then set protections, voltage limit and zero current, confirmed by read-back.
+
+        The output is also set to stay off after a power failure, if the profile has the role `boot_power`. ConfigError
+        when the supply cannot command `current_max_a`.
+        """
         self.device.check_identity()
+        self._check_current_max(limits.current_max_a)
+        if (boot_power := self.device.profile.roles.boot_power) is not None:
+            self.device.write(boot_power, 0)
         self._protect("ocp", limits.current_max_a)
         self._limit_voltage(limits.voltage_max_v)
         self.device.write(self._names["heater_current"], 0.0)
@@ -100,6 +107,17 @@ class BenchSupply(DeviceSource[Device]):
         name = self._names.get("faults")
         if name is not None and self.device.profile.register(name).writable:
             self.device.write(name, 0)
+
+    def _check_current_max(self, limit_a: float) -> None:
+        highest_a = self.device.profile.register(self._names["heater_current"]).max
+        if highest_a is not None and limit_a > highest_a:
+            raise ConfigError(
+                f"is more than '{self.device.profile.profile.id}' can supply",
+                where="current_max_a",
+                value=f"{limit_a:g} A",
+                limit=f"{highest_a:g} A",
+                cure="lower current_max_a in [limits]",
+            )
 
     def _limit_voltage(self, limit_v: float) -> None:
         """Set the voltage limit. ConfigError when the limit is missing, or when the supply cannot have one."""

@@ -58,11 +58,11 @@ class TCLabBoard:
         return TypeCheck.PROVED if self._identified else TypeCheck.NOT_ASKED
 
     def check_identity(self) -> None:
-        """Prove by its banner that the device is a TCLab. Try again until `boot_ms` have passed.
+        """Prove by its banner that the device is a TCLab. Try again until `patience_s` has passed.
 
         Then DeadlineError for a silent device, IdentityError for another reply.
         """
-        give_up_s = self.clock.now_s() + self.profile.timing.boot_ms / 1e3
+        give_up_s = self.clock.now_s() + self.profile.timing.patience_s
         while not self._identified:
             try:
                 self._line.greet()

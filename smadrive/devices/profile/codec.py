@@ -17,9 +17,9 @@ reading an attribute of a pydantic model takes six times as long.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from math import isfinite, nan
+from math import floor, isfinite, nan
 
 from smadrive.devices.profile import register_types
 from smadrive.devices.profile.readings import ALONE, Context, RegisterReading
@@ -30,6 +30,16 @@ Limits = tuple[float | None, float | None]
 
 STATES = 64
 """Number of decoded patterns that are cached for a register with states or flags, whose decoding is slow."""
+
+Rounding = Callable[[float], int]
+
+WHOLE = 1e-6
+"""A raw number counts as whole if it is this much below a whole number, because binary fractions are not exact."""
+
+
+def down(exact: float) -> int:
+    """Round down to a whole raw number: a command must not exceed its limit by a part of a step of the register."""
+    return floor(exact + WHOLE)
 
 
 class Codec:
@@ -79,17 +89,18 @@ class Codec:
                 return self._state(tuple(words))
         return self._decoded(words, context)
 
-    def encode(self, value: float, name: str, context: Context = ALONE) -> tuple[int, ...]:
-        """Return the words for `value`.
+    def encode(self, value: float, name: str, context: Context = ALONE, rounding: Rounding = round) -> tuple[int, ...]:
+        """Return the words for `value`. `rounding` makes the raw number of an integer register whole.
 
         ConfigError for a value that is not finite, not in [min, max], not in the range of the type, or not in the enum.
         """
         if not isfinite(value):
             raise _rejected("the value is not finite", name, value, cure="give a finite number")
-        if self._min is not None and self._max is not None and not self._min <= value <= self._max:
+        noise = WHOLE * abs(self._scale)  # 6.1 is 6100 steps of 0.001, and 6100 * 0.001 is a little more than 6.1
+        if self._min is not None and self._max is not None and not self._min - noise <= value <= self._max + noise:
             limit = f"{self._min:g} to {self._max:g}"
             raise _rejected("the value is outside the limits", name, self._shown(value), limit)
-        raw = self._raw_of(value, context)
+        raw = self._raw_of(value, context, rounding)
         if not self._lowest <= raw <= self._highest:
             limit = f"raw {self._lowest:g} to {self._highest:g}"
             raise _rejected(f"the value overflows {self._kind}", name, f"{self._shown(value)}, raw {raw:g}", limit)
@@ -140,13 +151,13 @@ class Codec:
         value = context.sign * (raw * (context.scale or self._scale) + self._offset)
         return (value - 32) / 1.8 if context.fahrenheit else value
 
-    def _raw_of(self, value: float, context: Context) -> float:
+    def _raw_of(self, value: float, context: Context, rounding: Rounding = round) -> float:
         if context is ALONE:
             exact = (value - self._offset) / self._scale
         else:
             given = value * 1.8 + 32 if context.fahrenheit else value
             exact = (context.sign * given - self._offset) / (context.scale or self._scale)
-        return exact if self._kind == "float32" else round(exact)
+        return exact if self._kind == "float32" else rounding(exact)
 
     def _shown(self, value: float) -> str:
         return f"{value:g} {self._unit}".rstrip()

@@ -51,6 +51,7 @@ class DeviceTiming(Section):
     post_write_ms: float = Field(default=0.0, ge=0, le=60_000)
     poll_interval_ms: float = Field(default=0.0, ge=0, le=60_000)
     boot_ms: float = Field(default=0.0, ge=0, le=60_000)
+    opening_ms: float = Field(default=0.0, ge=0, le=60_000)
     settle_ms: float = Field(default=0.0, ge=0, le=60_000)
     update_ms: float = Field(default=0.0, ge=0, le=60_000)
     silence: bool = True
@@ -58,6 +59,11 @@ class DeviceTiming(Section):
     max_read_registers: int = Field(default=MAX_READ_REGISTERS, ge=1, le=MAX_READ_REGISTERS)
     max_write_registers: int = Field(default=MAX_WRITE_REGISTERS, ge=1, le=MAX_WRITE_REGISTERS)
     function_codes: tuple[int, ...] = ALL_FUNCTIONS
+
+    @property
+    def patience_s(self) -> float:
+        """The longest silence of a device that may just have been powered, or reset by the opening of its port, s."""
+        return max(self.boot_ms, self.opening_ms) / 1e3
 
     @field_validator("function_codes")
     @classmethod
@@ -92,6 +98,7 @@ class Roles(Section):
     regulation: str | None = None
     ovp: str | None = None
     ocp: str | None = None
+    boot_power: str | None = None
     displacement: str | None = None
     status: str | None = None
     faults: str | None = None

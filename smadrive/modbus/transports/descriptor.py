@@ -24,6 +24,8 @@ from smadrive.modbus.transports.transport import PortAccess
 from smadrive.posix import after_fork_in_child
 
 _CHUNK = 512
+_MOST_READS = 64
+"""`discard` reads at most this number of chunks."""
 _GONE = -1
 
 
@@ -126,9 +128,14 @@ class DescriptorTransport(ABC):
         return bool(self._poll.poll(remaining_s * 1e3))
 
     def discard(self) -> bytes:
-        """Remove and return the bytes that have arrived, without waiting."""
+        """Remove and return the bytes that have arrived, without waiting.
+
+        Return at most `_MOST_READS` chunks: a faulty device may send without end.
+        """
         discarded = b""
-        while data := self.read(0.0):
+        for _ in range(_MOST_READS):
+            if not (data := self.read(0.0)):
+                break
             discarded += data
         return discarded
 

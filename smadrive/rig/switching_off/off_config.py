@@ -15,7 +15,7 @@ from smadrive.files.toml.repair import repaired_toml
 from smadrive.rig.config import DeviceConfig, LimitsConfig, in_folder, rig_file
 from smadrive.rig.switching_off.addresses import keys_in
 
-ADDRESS_KEYS = ("name", "profile", "url", "unit_id", "full_scale_a", "full_scale_v")
+ADDRESS_KEYS = ("name", "profile", "url", "unit_id")
 """The keys of a device that `off` reads."""
 
 CURE = "write [[devices]] above each device"

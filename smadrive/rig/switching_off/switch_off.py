@@ -30,7 +30,6 @@ from smadrive.interrupts import HeldSignals
 from smadrive.rig.assembly import heat_source, port_key
 from smadrive.rig.config import DeviceConfig
 from smadrive.rig.connections import Connections
-from smadrive.rig.plan import check_full_scales
 from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.switching_off.drivers import stop_drivers, stop_late_drivers
 from smadrive.rig.switching_off.each import each
@@ -151,7 +150,6 @@ def _check_complete(config: OffConfig, off: Iterable[_SourceOff], failure: Excep
 
 
 def _switch_source_off(device: PlannedDevice, connections: Connections, current_max_a: float) -> _SourceOff:
-    check_full_scales(device)
     key = port_key(device)
     opened = connections.device(device)
     source = heat_source(device, opened, opened.clock)

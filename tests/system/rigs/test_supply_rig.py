@@ -262,6 +262,35 @@ def test_any_supply_heats_the_wire_under_its_own_protections(profile):
                 assert supply.read((name,))[name].value == pytest.approx(1.1 * limit, rel=0.02)
 
 
+def test_supply_comes_back_off_after_a_power_failure(bench):
+    """At its panel the output was set to come back on. The driver sets it to stay off."""
+    supply = bench.devices["supply"]
+    supply.firmware.write({"boot_power": 1.0})
+    with bench.rig as rig:
+        rig.heater.arm(1.0)
+        bench.heat(rig, 0.25, 4)
+        supply.power_cycle()
+        assert supply.firmware.set_a == pytest.approx(0.25)
+        assert supply.firmware.current_a == 0.0
+
+
+@pytest.mark.parametrize("steps", [155.9, 160.0, 300.0])
+def test_command_is_rounded_down_to_a_step_of_the_supply(bench, steps):
+    with bench.rig as rig:
+        rig.heater.arm(1.0)
+        supply = rig.devices["supply"]
+        step_a = supply.profile.register("i_set").scale
+        bench.heat(rig, steps * step_a, 2)
+        assert bench.devices["supply"].firmware.set_a == pytest.approx(int(steps) * step_a)
+
+
+def test_supply_too_small_for_the_limit_is_not_armed():
+    config = rig_of(devices(supply={"profile": "juntek-dpm86xx"}), current_max_a=5.5, voltage_max_v=120.0)
+    with pytest.raises(ConfigError) as error, Rig(config) as rig:
+        rig.heater.arm(1.0)
+    assert (error.value.where, error.value.limit) == ("current_max_a", "5 A")
+
+
 def test_a_twin_that_comes_back_at_the_supplys_port_confirms_nothing(bench):
     sim = load_sim("flexinol-lt-0.15mm")
     board = sim.board.model_copy(update={"serial_number": 2})

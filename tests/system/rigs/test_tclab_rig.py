@@ -5,6 +5,7 @@ import json
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import programs
 import pytest
@@ -210,3 +211,11 @@ def test_tclab_cannot_be_served_on_modbus_tcp(tmp_path, arguments):
     done = programs.run(command, check=False, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 2
     assert "'tclab' does not speak Modbus. Serve it alone, with --pty PATH or --rtu-tcp HOST:PORT" in done.stderr
+
+
+def test_off_needs_no_full_scales(tmp_path):
+    with served(tmp_path) as (_, _, rig):
+        text = Path(rig).read_text()
+        for wrong in ('full_scale_a = "1"', ""):
+            Path(rig).write_text(text.replace("full_scale_a = 1.0", wrong))
+            assert smadrive("off", rig).returncode == 0

@@ -128,6 +128,8 @@ def test_half_a_frame_behind_a_reply_needs_a_new_connection():
     protocol = ClientProtocol(TcpFraming(Drawn(0, 1000)))
     assert outcome_of(protocol, READ, mbap.seal(1000, 1, PDUS["reply"]) + b"\x13\x88").verdict is Verdict.ANSWERED
     assert protocol.state is ConnectionState.OUT_OF_STEP
+    protocol.distrust(1.0)
+    assert protocol.state is ConnectionState.OUT_OF_STEP
 
 
 @pytest.mark.parametrize("arrives", VERDICTS)

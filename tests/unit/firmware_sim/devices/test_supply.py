@@ -38,6 +38,14 @@ def test_no_protection_is_latched_at_first_and_limits_can_be_read(supply):
     assert [readings[name].value for name in ("ovp", "ocp", "output")] == [30.0, 1.0, 1]
 
 
+def test_the_highest_protection_of_a_map_can_be_written(supply):
+    """6.1 A are 6100 steps of 1 mA, and 6100 * 0.001 is a little more than 6.1."""
+    _, device = supply
+    for role in ("ovp", "ocp"):
+        register = device.profile.register(device.profile.role(role))
+        device.write(device.profile.role(role), register.max)
+
+
 def test_measured_overcurrent_switches_the_output_off(supply):
     simulated, device = supply
     simulated.bench.plant.faults.short_switch(1.5)
