@@ -145,6 +145,22 @@ class HysteresisModel(ABC):
         v0 = float(v0)
         return self._on_branch(v0) if y is None else self._between(v0, self._admitted(v0, y))
 
+    def adopted(self, state: HysteresisState, of: HysteresisModel) -> HysteresisState:
+        """Return the state in this model of a wire that is at `state` in the model `of`.
+
+        The input stays, and so does the output if this model can have it. If both models have memory, the input runs
+        through its turning points again, because the wire still remembers them.
+        """
+        if of is self:
+            return state
+        low, high = self.input_range
+        replayed = self._on_branch(low)
+        if state.memory is None or replayed.memory is None:
+            return self.initial_state(state.v, state.y)
+        for turn in (*state.memory.turns[1:], state.v):
+            replayed = self._moved(replayed, min(max(turn, low), high))
+        return self.corrected(replayed, state.v, state.y)
+
     def _admitted(self, v: float, y: float) -> float:
         """Return the state w of the output y, or the nearest state that the model can have at input v."""
         low, high = self.admissible(v)

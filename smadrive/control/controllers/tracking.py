@@ -111,8 +111,8 @@ class TrackingController:
         """
         if before.state is not None:
             reversal = before.state.reversal if before._reference is self._reference else None
-            estimate = self._observer.adopt(before.state.estimate)
-            ahead = self._observer.adopt(before.state.ahead)
+            estimate = self._observer.adopt(before.state.estimate, before._observer)
+            ahead = self._observer.adopt(before.state.ahead, before._observer)
             source = self._sources.adopt(before.state.source, before._sources)
             self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead, source=source)
             self._feedback.take_over(before._feedback, estimate.temperature_c)

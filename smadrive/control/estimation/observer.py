@@ -103,13 +103,13 @@ class WireObserver:
         hysteresis = self._model.initial_state(reading_c, measured_mm)
         return WireEstimate(reading_c, reading_c, hysteresis, 0.0, Play(reading_c))
 
-    def adopt(self, estimate: WireEstimate) -> WireEstimate:
-        """Return the estimate of another observer, converted to the model of this observer.
+    def adopt(self, estimate: WireEstimate, of: WireObserver) -> WireEstimate:
+        """Return the estimate of the observer `of`, converted to the model of this observer.
 
-        The temperatures stay. The displacement becomes the nearest displacement that the model of this observer can
-        have.
+        The temperatures and the turning points stay. The displacement becomes the nearest displacement that the model
+        of this observer can have.
         """
-        return estimate._replace(hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
+        return estimate._replace(hysteresis=self._model.adopted(estimate.hysteresis, of._model))
 
     def cooling(self, estimate: WireEstimate) -> float:
         """Return the estimated heat loss, divided by the loss of the heat balance; NaN near the ambient temperature."""

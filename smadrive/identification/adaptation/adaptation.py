@@ -37,6 +37,7 @@ from math import exp, isfinite
 import numpy as np
 
 from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
+from smadrive.hysteresis.model import HysteresisState
 from smadrive.hysteresis.reversal import DeadBand
 from smadrive.identification.adaptation.likely_changes import LikelyChanges
 from smadrive.identification.adaptation.plane_state import UNMOVED, PlaneState
@@ -125,14 +126,17 @@ class Adaptation:
     def _scale(self) -> float:
         return self._base.scale * exp(self._theta[-1])
 
-    def update(self, temperature_c: float, displacement_mm: float) -> None:
-        """Learn from one sample. Without a temperature or displacement (NaN) the sample changes no parameter."""
+    def update(self, temperature_c: float, displacement_mm: float, wire: HysteresisState | None = None) -> None:
+        """Learn from one sample. Without a temperature or displacement (NaN) the sample changes no parameter.
+
+        `wire` is the estimated state of the wire in the given model. The adaptation begins with its memory.
+        """
         if not isfinite(temperature_c):
             return
         v = self._dead_band.update(temperature_c)
         if self._v is None:
             if isfinite(displacement_mm):
-                self._start(v, displacement_mm)
+                self._start(v, displacement_mm, wire)
                 self._predicted, _ = self._prediction()
                 self._mark(displacement_mm / abs(self._base.scale))
             return
@@ -151,8 +155,10 @@ class Adaptation:
             self._predicted, _ = self._prediction()
             self._watch(measured)
 
-    def _start(self, v: float, displacement_mm: float) -> None:
+    def _start(self, v: float, displacement_mm: float, wire: HysteresisState | None) -> None:
         state = self._base.initial_state(v, displacement_mm)
+        if wire is not None:
+            state = self._base.corrected(wire, v, state.y)
         self._v, self._rules.x = v, state.w
         if self._plane is not None and state.memory is not None:
             self._rules.x = state.memory.local

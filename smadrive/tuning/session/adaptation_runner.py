@@ -81,8 +81,8 @@ class AdaptationRunner:
         self._adaptation = self._started_from = None
         if on and not isinstance(tuning.model, DuhemModel):
             self._adaptation, self._started_from = Adaptation(tuning.model, self._noise_c), tuning
-            self._observer = self._observer_of(tuning)
-            self._estimate = None if self._estimate is None else self._observer.adopt(self._estimate)
+            before, self._observer = self._observer, self._observer_of(tuning)
+            self._estimate = None if self._estimate is None else self._observer.adopt(self._estimate, before)
 
     def _observer_of(self, tuning: Tuning) -> WireObserver:
         wire = WireModel(tuning.model, self._balance)
@@ -105,7 +105,8 @@ class AdaptationRunner:
         if source is not None and source.failed:
             self._adaptation.end(SENSOR_FAILED)
         is_replaced = source is not None and source.is_replaced
-        self._adaptation.update(wire_c, nan if is_replaced else tick.measurement.displacement_mm)
+        wire = None if self._estimate is None else self._estimate.hysteresis
+        self._adaptation.update(wire_c, nan if is_replaced else tick.measurement.displacement_mm, wire)
         if self._adaptation.sensor_fault is None:
             return None
         self._ended, self._adaptation = self._adaptation, None

@@ -206,8 +206,9 @@ def test_observer_continues_from_the_estimate_of_another():
     other = DuhemModel.gaussian(
         mu_heating=88, mu_cooling=70, sigma_heating=6, sigma_cooling=6, scale=12, input_range=(0, 160)
     )
-    before = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012).start(85.0, 6.0)
-    after = WireObserver(WireModel(other, TRUE), DT_S, 0.1, 0.012).adopt(before)
+    observer = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012)
+    before = observer.start(85.0, 6.0)
+    after = WireObserver(WireModel(other, TRUE), DT_S, 0.1, 0.012).adopt(before, observer)
     assert after.temperature_c == before.temperature_c
     assert after.hysteresis.y == pytest.approx(before.hysteresis.y)
 
