@@ -13,11 +13,10 @@ from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.fit_view import fit_result, print_fit
 from smadrive.cli.views.reports.fit_report import write_fit_report
 from smadrive.cli.views.resistance_view import resistance_result
-from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL, PAGE
-from smadrive.identification.memory.fit import check_memory
-from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, MOST_FITTED_COMPONENTS, FitSettings
+from smadrive.identification.tsfuzzy.fit import FUZZY_SETS
+from smadrive.identification.wire import COMPONENTS, DUHEM_COMPONENTS, SETS, FitSettings
 from smadrive.runs.record_fit import INPUT, OUTPUT, fit_file
 
 
@@ -35,14 +34,16 @@ def main(
     sets: Annotated[
         int | None,
         typer.Option(
-            min=3, max=99, help=f"Number of fuzzy sets (--kind tsfuzzy), two rules each; by default {FUZZY_SETS}."
+            min=SETS[0],
+            max=SETS[1],
+            help=f"Number of fuzzy sets (--kind tsfuzzy), two rules each; by default {FUZZY_SETS}.",
         ),
     ] = None,
     components: Annotated[
         int | None,
         typer.Option(
-            min=1,
-            max=MOST_FITTED_COMPONENTS,
+            min=COMPONENTS[0],
+            max=COMPONENTS[1],
             help=f"Gaussians per branch of a Duhem model (--kind duhem); by default {DUHEM_COMPONENTS}.",
         ),
     ] = None,
@@ -60,23 +61,11 @@ def main(
 ) -> None:
     """Fit a hysteresis model to DATA. For a log, also fit the heat balance and remove the lag of the thermocouple."""
     output = Output(as_json)
-    if components is not None and kind is not Kind.duhem:
-        raise ConfigError(
-            "only a Duhem model has Gaussians", where="--components", cure="add --kind duhem, or use --sets"
-        )
-    if sets is not None and kind is not Kind.tsfuzzy:
-        cure = "leave it out, or use --components"
-        raise ConfigError("only a T-S fuzzy model has fuzzy sets", where="--sets", value=sets, cure=cure)
-    if memory is not None and kind is not Kind.tsfuzzy:
-        cure = "leave it out, or use --kind tsfuzzy"
-        raise ConfigError("only a T-S fuzzy model can have memory", where="--memory", value=memory, cure=cure)
-    if memory is not None:
-        check_memory(memory, ConfigError, "--memory")
+    settings = FitSettings.of(kind.value, sets, memory, components, "--")
     check_output(model_file, MODEL, data)
     if plot is not None:
         check_output(plot, PAGE, data)
     with output.progress(f"fitting {data.name}"):
-        settings = FitSettings(kind.value, sets or FUZZY_SETS, memory, components or DUHEM_COMPONENTS)
         result = fit_file(data, (input_column, output_column), settings)
     fit, thermal = result.fit, result.thermal
     replaced = model_file.exists()

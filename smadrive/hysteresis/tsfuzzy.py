@@ -195,7 +195,7 @@ def _contained(gain: FloatArray, shift: FloatArray) -> tuple[FloatArray, FloatAr
 
 
 def _consequents(name: str, sets: int, a: ArrayLike, b: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    pair = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    pair = np.array(a, dtype=np.float64), np.array(b, dtype=np.float64)  # copies: a caller may change its arrays
     for symbol, values in zip("ab", pair, strict=True):
         if values.shape != (sets,):
             where = f"{name} rules: {symbol}"

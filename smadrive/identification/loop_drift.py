@@ -31,9 +31,9 @@ import scipy  # imports scipy.signal at its first use
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.hysteresis.reversal import monotone_runs, turning_points
 from smadrive.identification.adaptation.likely_changes import LikelyChanges
-from smadrive.identification.quality.uncertainty import neighbour_correlation
 from smadrive.identification.reshape import BranchShape, reshaped, shape_of
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.residuals import samples_per_independent
 from smadrive.wire.health.sensitivity import SHIFT
 
 SMOOTHED_S = 0.5
@@ -158,7 +158,6 @@ def _estimate(jacobian: FloatArray, error: FloatArray, prior: FloatArray) -> tup
     """Return the estimate of x and its covariance C. The variance of the residual comes from a fit without prior."""
     normal, slope = jacobian.T @ jacobian, jacobian.T @ error
     residual = error - jacobian @ np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(4), slope)
-    alike = min(max(neighbour_correlation(residual), 0.0), 0.99)
-    variance = float(np.mean(residual**2)) * (1.0 + alike) / (1.0 - alike)
+    variance = float(np.mean(residual**2)) * samples_per_independent(residual)
     covariance: FloatArray = np.asarray(np.linalg.inv(normal / variance + prior), np.float64)
     return covariance @ slope / variance, covariance

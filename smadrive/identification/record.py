@@ -15,6 +15,7 @@ import numpy as np
 from smadrive.errors import IdentificationError
 from smadrive.hysteresis.reversal import check_radius, monotone_runs
 from smadrive.numerics.arrays import FloatArray, paired_vectors
+from smadrive.numerics.residuals import noise_deviation
 
 _CELLS = 150  # number of cells over the input span; the samples of a cell are averaged
 FEWEST_SAMPLES = 3
@@ -70,13 +71,6 @@ class Record:
         """
         error = (model.simulate(self.v, y0) - self.mean_y) / self.output_span
         return float(np.sqrt(self.count @ error**2 / self.count.sum()))
-
-
-def noise_deviation(samples: FloatArray) -> float:
-    """Return the standard deviation of white noise on a smooth record, from the median absolute second difference."""
-    if len(samples) < 5:
-        return 0.0
-    return float(np.median(np.abs(np.diff(samples, 2))) / 0.6745 / np.sqrt(6.0))
 
 
 def prepare(v: ArrayLike, y: ArrayLike, dead_band: float | None) -> Record:

@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 from smadrive.errors import IdentificationError
 from smadrive.identification.excitation import ExcitationRecord
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.residuals import samples_per_independent
 from smadrive.wire.heat_balance import HeatBalance
 
 CORRECTION_BAND_HZ = 0.05
@@ -191,8 +192,7 @@ def _check_intervals(within: dict[str, float]) -> None:
 
 def _intervals(jacobian: FloatArray, residual: FloatArray) -> FloatArray:
     """Return half of the 95 % interval of each unknown. Correlated residuals count as fewer samples."""
-    correlation = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
-    variance = float(np.mean(residual**2)) * (1.0 + correlation) / (1.0 - correlation)
+    variance = float(np.mean(residual**2)) * samples_per_independent(residual)
     return np.asarray(1.96 * np.sqrt(variance * np.diag(np.linalg.pinv(jacobian.T @ jacobian))), dtype=np.float64)
 
 
@@ -232,7 +232,8 @@ def _fit_resistance(record: ExcitationRecord, phase: FloatArray) -> tuple[dict[s
         raise IdentificationError(what, where=FIT, limit=MIN_HEATED_SAMPLES, cure="record a longer excitation")
     ohm = record.voltage_v[heated] / current[heated]
     (slope, cold), covariance = np.polyfit(phase[heated], ohm, 1, w=current[heated], cov=True)
-    slope_ohm, cold_ohm = (1.96 * np.sqrt(np.diag(covariance))).tolist()
+    left_v = (ohm - cold - slope * phase[heated]) * current[heated]
+    slope_ohm, cold_ohm = (1.96 * np.sqrt(samples_per_independent(left_v) * np.diag(covariance))).tolist()
     found = {"resistance_cold_ohm": float(cold), "resistance_change": float(slope / cold)}
     return found, {
         "resistance_cold_ohm": float(np.hypot(cold_ohm / cold, SYSTEMATIC)),

@@ -10,35 +10,42 @@ phase. If the resistance is not usable, the identified wire has none.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Self, get_args
 
 from numpy.typing import ArrayLike
 
-from smadrive.errors import IdentificationError
+from smadrive.errors import ConfigError, IdentificationError
+from smadrive.files.spelling import suggestion_or_list
 from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import identify_duhem
 from smadrive.identification.excitation import ExcitationRecord
+from smadrive.identification.memory.candidates import check_memory
 from smadrive.identification.memory.fit import MemoryFit, identify_memory
 from smadrive.identification.quality.metrics import Fit
 from smadrive.identification.resistance_fit.fit import ResistanceFit, identify_resistance
 from smadrive.identification.thermal import ThermalFit, identify_thermal
+from smadrive.identification.tsfuzzy.fit import FUZZY_SETS
+from smadrive.numerics.scalars import whole_number
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.recorded_loops import recorded_sections
 from smadrive.wire.wire_model import WireModel
 
 Kind = Literal["tsfuzzy", "duhem"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+OWNERS: dict[str, Kind] = {"sets": "tsfuzzy", "memory": "tsfuzzy", "components": "duhem"}
+"""The kind of model that has each setting."""
 
 AnyFit = Fit[TSFuzzyDuhem] | Fit[TSFuzzyPreisach] | Fit[DuhemModel] | MemoryFit
 
-FUZZY_SETS = 11
-"""Fuzzy sets of a T-S fuzzy fit."""
 
+SETS = (3, 50)
+"""The smallest and the largest number of fuzzy sets of a T-S fuzzy fit."""
+COMPONENTS = (1, 6)
+"""The smallest and the largest number of Gaussians per branch of a Duhem fit."""
 DUHEM_COMPONENTS = 2
-"""Gaussians per branch of a Duhem fit: measured wires need two."""
-
-MOST_FITTED_COMPONENTS = 6
-"""The largest number of Gaussians per branch that a user may choose."""
+"""The standard number of Gaussians per branch: measured wires need two."""
 
 
 class FitSettings(NamedTuple):
@@ -54,6 +61,29 @@ class FitSettings(NamedTuple):
     sets: int = FUZZY_SETS
     memory: int | None = None
     components: int = DUHEM_COMPONENTS
+
+    @classmethod
+    def of(cls, kind: Kind, sets: int | None, memory: int | None, components: int | None, prefix: str = "") -> Self:
+        """Return the settings that a user has chosen. None stands for a setting that the user has left out.
+
+        ConfigError for an unknown kind, for a setting that the kind does not have, and for a number outside its limits.
+        `prefix` precedes the names of the settings in these errors: "--" for the options of a command.
+        """
+        if kind not in KINDS:
+            cure = suggestion_or_list(str(kind), KINDS)
+            raise ConfigError("unknown", where=f"{prefix}kind", value=repr(kind), cure=cure)
+        given = {"sets": sets, "memory": memory, "components": components}
+        for name, value in given.items():
+            if value is not None and kind != OWNERS[name]:
+                what, cure = f"only a {OWNERS[name]} model has this", f"leave it out, or choose the kind {OWNERS[name]}"
+                raise ConfigError(what, where=f"{prefix}{name}", value=value, cure=cure)
+        if sets is not None:
+            whole_number(sets, f"{prefix}sets", "fuzzy sets", *SETS)
+        if memory is not None:
+            check_memory(memory, ConfigError, f"{prefix}memory")
+        if components is not None:
+            whole_number(components, f"{prefix}components", "Gaussians per branch", *COMPONENTS)
+        return cls(kind, sets or FUZZY_SETS, memory, components or DUHEM_COMPONENTS)
 
 
 STANDARD_FIT = FitSettings()

@@ -11,9 +11,9 @@ FloatArray = NDArray[np.float64]
 
 
 def float_array(name: str, values: ArrayLike) -> FloatArray:
-    """Return `values` as a float64 array of any shape. DataError about `name` when they are not numbers."""
+    """Return a copy of `values` as a float64 array of any shape. DataError about `name` when they are not numbers."""
     try:
-        return np.asarray(values, dtype=np.float64)
+        return np.array(values, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise DataError("not numbers", where=name, value=error, cure="pass an array of floats") from error
 

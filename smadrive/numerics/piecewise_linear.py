@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable
+from math import nan
 
 
 class PiecewiseLinear:
@@ -22,10 +23,10 @@ class PiecewiseLinear:
         self._values = list(map(float, values))
 
     def at(self, place: float) -> float:
-        """Return the value of the function at the argument `place`."""
+        """Return the value of the function at the argument `place`; NaN for NaN."""
         places, values = self._places, self._values
         if not places[0] < place < places[-1]:
-            return values[0] if place <= places[0] else values[-1]
+            return values[0] if place <= places[0] else values[-1] if place >= places[-1] else nan
         before = bisect_right(places, place) - 1
         slope = (values[before + 1] - values[before]) / (places[before + 1] - places[before])
         return slope * (place - places[before]) + values[before]

@@ -12,11 +12,8 @@ import numpy as np
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL
-from smadrive.files.spelling import suggestion_or_list
-from smadrive.identification.memory.fit import check_memory
-from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, MOST_FITTED_COMPONENTS, AnyFit, FitSettings, Kind
+from smadrive.identification.wire import AnyFit, FitSettings, Kind
 from smadrive.numerics.arrays import paired_vectors
-from smadrive.numerics.scalars import whole_number
 from smadrive.rig.config import FeedbackConfig
 from smadrive.runs.figures.fit_plots import loop_figure, model_figure
 from smadrive.runs.health.assessment import assess, wire_file_of
@@ -36,9 +33,6 @@ from smadrive.scripting.run import Run
 from smadrive.wire.health.drift import WireHealth
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.identified_wire import load_wire as load_wire_file
-
-KINDS = ("tsfuzzy", "duhem")
-SETS = (3, 99)
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,7 +96,7 @@ def identify(
     A table is any object with columns by name, such as a DataFrame, a dict or an xarray.Dataset.
 
     kind            "tsfuzzy" or "duhem"
-    sets            number of fuzzy sets of a T-S fuzzy model, 3 to 99; by default 11
+    sets            number of fuzzy sets of a T-S fuzzy model, 3 to 50; by default 11
     memory          sets of the last turning point of a T-S fuzzy model, 4 to 40, or 1 for no memory; by default the
                     errors on loops that are held out of the fit decide
     components      number of Gaussians per branch of a Duhem model, 1 to 6; by default 2
@@ -111,9 +105,8 @@ def identify(
     ConfigError for an option that the kind or the record does not have. DataError for a record that cannot be used,
     IdentificationError for a record that does not determine the model.
     """
-    _check_options(kind, sets, memory, (input, output))
-    _check_components(kind, components)
-    settings = FitSettings(kind, sets or FUZZY_SETS, memory, components or DUHEM_COMPONENTS)
+    settings = FitSettings.of(kind, sets, memory, components)
+    _check_columns(input, output)
     record, source = _fitted(data, displacement_mm, (input, output), settings)
     wire = record.wire(source)
     axes = ("wire temperature / °C", "displacement / mm") if record.thermal is not None else record.axes
@@ -131,32 +124,11 @@ def load_wire(path: str | os.PathLike[str]) -> Wire:
     return Wire(**vars(wire))
 
 
-def _check_options(kind: object, sets: object, memory: object, columns: tuple[object, object]) -> None:
-    if kind not in KINDS:
-        raise ConfigError("unknown", where="kind", value=repr(kind), cure=suggestion_or_list(str(kind), KINDS))
-    if sets is not None:
-        whole_number(sets, "sets", "fuzzy sets", *SETS)
-        if kind != "tsfuzzy":
-            cure = 'leave sets out, or pass kind="tsfuzzy"'
-            raise ConfigError("only a T-S fuzzy model has fuzzy sets", where="sets", value=sets, cure=cure)
-    if memory is not None:
-        check_memory(memory, ConfigError)
-        if kind != "tsfuzzy":
-            cure = 'leave memory out, or pass kind="tsfuzzy"'
-            raise ConfigError("only a T-S fuzzy model can have memory", where="memory", value=memory, cure=cure)
+def _check_columns(*columns: object) -> None:
     for where, name in zip(("input", "output"), columns, strict=True):
         if not isinstance(name, str):
             cure = "pass the name of a column"
             raise ConfigError("of the wrong type", where=where, value=type(name).__qualname__, cure=cure)
-
-
-def _check_components(kind: object, components: object) -> None:
-    if components is None:
-        return
-    whole_number(components, "components", "Gaussians per branch", 1, MOST_FITTED_COMPONENTS)
-    if kind != "duhem":
-        cure = 'leave components out, or pass kind="duhem"'
-        raise ConfigError("only a Duhem model has Gaussians", where="components", value=components, cure=cure)
 
 
 def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], settings: FitSettings) -> tuple[RecordFit, str]:

@@ -27,6 +27,9 @@ from smadrive.wire.wire_model import WireModel, travel_mm
 
 _SECTION_KEYS = ("turning_points_c", "ends_c")
 
+METRICS = ("rms_percent", "max_percent")
+"""The names of the errors of a fit."""
+
 SAME = 0.25
 """Largest difference between the resistances of the heat balance and the identified resistance, as a share."""
 
@@ -38,7 +41,7 @@ class IdentifiedWire:
     model          certified hysteresis model, from wire temperature in °C to displacement in mm
     heat_balance   heat balance; None if the record had only temperatures and displacements
     caveats        reasons to distrust the model, one sentence each
-    metrics        errors of the fit in % of the span (rms_percent, max_percent); empty if they are unknown
+    metrics        errors of the fit in % of the span (see METRICS); empty if they are unknown
     source         path of the record from which it was identified, or of the file from which it was loaded
     sections_c     sections of the record, as (turning point, end) in °C; empty if they are unknown
     resistance     resistance over temperature and phase; None if it was not identified
@@ -140,7 +143,8 @@ def parse_wire(text: str, place: str) -> IdentifiedWire:
         return IdentifiedWire(model, source=place)
     balance, caveats, sections_c = _heat_balance(provenance, place), _caveats(provenance), _sections(provenance)
     resistance = _resistance(provenance, place, balance)
-    return IdentifiedWire(model, balance, caveats, source=place, sections_c=sections_c, resistance=resistance)
+    metrics = {name: provenance.number(name) for name in METRICS if name in provenance.document}
+    return IdentifiedWire(model, balance, caveats, metrics, place, sections_c, resistance)
 
 
 def _provenance(text: str, place: str) -> Fields | None:

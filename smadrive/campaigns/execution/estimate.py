@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from smadrive.campaigns.experiments.references import shaped
 from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig
 from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.control.controllers.step import ConstantCurrentController
-from smadrive.control.references.shapes import parse_reference
 from smadrive.errors import DataError
 from smadrive.files.csv_table import read_table
 from smadrive.rig.controllers import excitation_path
@@ -124,6 +124,4 @@ def _reference_s(run: PlannedRun) -> float:
     assert run.reference is not None
     if run.reference.file is not None:
         return float(np.ptp(read_table(Path(run.reference.file)).column("time_s")))
-    shape = run.reference.shape or ""
-    ends = "" if "_mm=" in shape else f"{',' if ':' in shape else ':'}low_mm=1,high_mm=2"
-    return parse_reference(shape + ends).duration_s
+    return shaped(run.reference.shape or "", 1.0, 2.0).duration_s

@@ -1,8 +1,8 @@
 """The journal of a campaign: one line for each finished run, in the output folder. A later command can go on with it.
 
-The first line identifies the plan. Each further line is a JSON object with the number of a run, its row and its effort.
-A line is written as soon as its run is finished. A kill can cut the last line; it is removed when the journal is opened
-again, and its run is repeated.
+The first line identifies the plan, and the versions of the packages that compute the runs. Each further line is a JSON
+object with the number of a run, its row and its effort. A line is written as soon as its run is finished. A kill can
+cut the last line; it is removed when the journal is opened again, and its run is repeated.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from typing import Any, Self
 
 from smadrive.campaigns.experiments.run import Effort, RunResult
 from smadrive.campaigns.plan.plan import CampaignPlan
+from smadrive.campaigns.versions import versions
 from smadrive.errors import DataError
 
 JOURNAL = "journal.jsonl"
@@ -42,7 +43,7 @@ class Journal:
         """Create the journal or, with `resume`, open the journal of an earlier command.
 
         DataError when another command uses the folder; without `resume`, when the folder is not empty; with `resume`,
-        when the folder has no journal of this campaign.
+        when the folder has no journal of this campaign, or other versions of the packages began it.
         """
         self._file = self._open()
         try:
@@ -50,7 +51,8 @@ class Journal:
             if self._resume:
                 self._read()
             else:
-                self._write({"schema": SCHEMA, "fingerprint": self._plan.fingerprint, "title": self._plan.config.title})
+                head = {"schema": SCHEMA, "fingerprint": self._plan.fingerprint, "title": self._plan.config.title}
+                self._write({**head, "versions": versions()})
         except BaseException:
             self._file.close()
             raise
@@ -137,6 +139,14 @@ class Journal:
                 value=entry.get("title"),
                 cure="give the same campaign file with the same files, or choose another folder without --resume",
             )
+        if (found := entry.get("versions")) != (own := versions()):
+            raise DataError(
+                "other versions of the packages began this campaign, so its runs may differ",
+                where=self.folder,
+                value=_joined(found),
+                limit=_joined(own),
+                cure="install the same versions, or choose another folder without --resume",
+            )
 
     def _write(self, entry: dict[str, Any]) -> None:
         line = f"{json.dumps(entry)}\n".encode()
@@ -154,6 +164,10 @@ class Journal:
     def _sync(self) -> None:
         os.fsync(self._file.fileno())
         self._synced_s = time.monotonic()
+
+
+def _joined(packages: dict[str, str] | None) -> str:
+    return ", ".join(f"{name} {number}" for name, number in (packages or {}).items()) or "unknown"
 
 
 def _check_empty(folder: Path) -> None:

@@ -10,6 +10,7 @@ feedback-only    no feedforward: a PI controller from displacement to power. Wit
 from __future__ import annotations
 
 from dataclasses import replace
+from math import isfinite
 
 import numpy as np
 
@@ -41,24 +42,29 @@ class DisplacementPI:
     INTEGRAL_S = 0.8
 
     def __init__(self, reference: Reference, wire: WireModel, limit_a: float) -> None:
-        balance, slope_per_k = wire.balance, _mean_slope_per_k(wire)
-        capacity_j_per_k = balance.heat_capacity_j_per_k + balance.latent_heat_j * slope_per_k
+        balance, scale = wire.balance, wire.model.scale
+        slope_mm_per_k = scale * _mean_slope_per_k(wire)
+        capacity_j_per_k = balance.heat_capacity_j_per_k + balance.latent_heat_j * slope_mm_per_k / wire.travel_mm
         self.duration_s = reference.duration_s
         self._reference, self._balance = reference, balance
         self._limit_w = limit_a**2 * balance.resistance_cold_ohm
-        slope_mm_per_k = wire.travel_mm * slope_per_k
         self._gain_w_per_mm = capacity_j_per_k / (slope_mm_per_k * (self.CLOSED_LOOP_S + self.DELAY_S))
-        self._integral_w = 0.0
+        self._integral_w = self._power_w = 0.0
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command for the measured displacement."""
+        """Return the command for the measured displacement. Without a measurement (NaN), the power stays."""
         setpoint_mm = self._reference.value_mm(time_s)
-        proportional_w = self._gain_w_per_mm * (setpoint_mm - measurement.displacement_mm)
+        if isfinite(measurement.displacement_mm):
+            self._power_w = self._updated_w(setpoint_mm - measurement.displacement_mm, dt_s)
+        return Command(self._balance.current_a(self._power_w, 0.0), setpoint_mm=setpoint_mm, power_w=self._power_w)
+
+    def _updated_w(self, error_mm: float, dt_s: float) -> float:
+        proportional_w = self._gain_w_per_mm * error_mm
         unclamped_w = proportional_w + self._integral_w
         power_w = min(max(unclamped_w, 0.0), self._limit_w)
         if power_w == unclamped_w or (unclamped_w < 0.0) == (proportional_w > 0.0):
             self._integral_w += proportional_w * dt_s / self.INTEGRAL_S
-        return Command(self._balance.current_a(power_w, 0.0), setpoint_mm=setpoint_mm, power_w=power_w)
+        return power_w
 
 
 def controller_of(
@@ -98,5 +104,5 @@ def _static_map(knowledge: WireKnowledge, wire: WireModel) -> StaticMap:
 def _mean_slope_per_k(wire: WireModel) -> float:
     """Return the mean of dw/dT over the heating branch, in 1/K. Each slope is weighted by its part dw of the branch."""
     inputs_c = np.linspace(*wire.model.input_range, SLOPE_POINTS)
-    slopes_per_k = wire.model.branch_slope(inputs_c, rising=True)
-    return float(np.sum(slopes_per_k * np.gradient(wire.model.branch(inputs_c, rising=True))))
+    slopes_per_k, branch = (part(inputs_c, rising=True) for part in (wire.model.branch_slope, wire.model.branch))
+    return float(np.average(slopes_per_k, weights=np.gradient(branch)))

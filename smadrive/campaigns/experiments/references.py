@@ -51,11 +51,15 @@ def _requested(config: ReferenceConfig, travel: Travel) -> Reference:
     if config.file is not None:
         return _from_table(Path(config.file), travel)
     assert config.shape is not None
-    if "_mm=" in config.shape.replace(" ", ""):
-        return parse_reference(config.shape)
-    low_mm, high_mm = travel.at_mm(config.low), travel.at_mm(config.high)
-    separator = "," if ":" in config.shape else ":"
-    return parse_reference(f"{config.shape}{separator}low_mm={low_mm!r},high_mm={high_mm!r}")
+    return shaped(config.shape, travel.at_mm(config.low), travel.at_mm(config.high))
+
+
+def shaped(shape: str, low_mm: float, high_mm: float) -> Reference:
+    """Return the reference of a shape, between these displacements unless the shape gives its own, in mm."""
+    if "_mm=" in shape.replace(" ", ""):
+        return parse_reference(shape)
+    separator = "," if ":" in shape else ":"
+    return parse_reference(f"{shape}{separator}low_mm={low_mm!r},high_mm={high_mm!r}")
 
 
 def _from_table(path: Path, travel: Travel) -> Reference:

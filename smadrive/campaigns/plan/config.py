@@ -21,10 +21,11 @@ from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
+from smadrive.errors import ConfigError
 from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import CAMPAIGN
 from smadrive.files.shipped import config_file
-from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, FitSettings
+from smadrive.identification.wire import FitSettings, Kind
 from smadrive.runs.record_fit import INPUT, OUTPUT
 
 Experiment = Literal["track", "identify", "fit"]
@@ -58,16 +59,24 @@ class WireSettings(Section):
 class FitConfig(Section):
     """The kind of model to identify, and its size. `input` and `output` are the columns of a CSV record."""
 
-    kind: Literal["tsfuzzy", "duhem"] = "tsfuzzy"
-    sets: int = Field(default=FUZZY_SETS, ge=3, le=99)
-    memory: int | None = Field(default=None, ge=1)
-    components: int = Field(default=DUHEM_COMPONENTS, ge=1, le=6)
+    kind: Kind = "tsfuzzy"
+    sets: int | None = None
+    memory: int | None = None
+    components: int | None = None
     input: str = INPUT
     output: str = OUTPUT
 
+    @model_validator(mode="after")
+    def _check_settings(self) -> Self:
+        try:
+            self.settings()
+        except ConfigError as error:
+            raise ValueError(str(error)) from None
+        return self
+
     def settings(self) -> FitSettings:
         """Return the settings of the identification."""
-        return FitSettings(self.kind, self.sets, self.memory, self.components)
+        return FitSettings.of(self.kind, self.sets, self.memory, self.components)
 
 
 class RunSettings(Section):

@@ -155,6 +155,9 @@ def check_complete(settings: RunSettings) -> None:
     if settings.experiment == "fit" and settings.record is None:
         cure = 'write record = "FILE" in [run], or records = "*.h5" in [[vary]]'
         raise ConfigError('experiment = "fit" needs a record', where="[run]", cure=cure)
+    if settings.experiment == "identify" and settings.model is not None:
+        cure = 'remove `model`, or write experiment = "track"'
+        raise ConfigError('experiment = "identify" fits a model, and `model` gives one', where="[run]", cure=cure)
     if settings.model is not None and settings.controller in ("plain-map", "duhem-inverse"):
         what = f"controller = '{settings.controller}' is fitted to an excitation, and 'model' leaves the excitation out"
         raise ConfigError(what, where="[run]", cure="remove one of the two keys")

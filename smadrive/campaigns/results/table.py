@@ -11,9 +11,7 @@ file, to the last bit. Times of day, durations and processes differ each time, s
 from __future__ import annotations
 
 import hashlib
-import platform
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,15 +19,13 @@ from typing import TYPE_CHECKING, Any
 from smadrive.campaigns.experiments.columns import COLUMNS, ResultColumn
 from smadrive.campaigns.experiments.run import RunResult
 from smadrive.campaigns.plan.plan import CampaignPlan
+from smadrive.campaigns.versions import versions
 from smadrive.files.atomic import replacing
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
 
 RESULTS, EFFORT = "results.parquet", "effort.parquet"
-
-PACKAGES = ("smadrive", "numpy", "scipy")
-"""The packages whose versions are the provenance of the results."""
 
 EFFORT_UNITS = {
     "began": "UTC",
@@ -98,5 +94,5 @@ def _provenance(plan: CampaignPlan) -> dict[str, Any]:
         "campaign": plan.text,
         "fingerprint": plan.fingerprint,
         "seed": plan.config.seed,
-        "versions": {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}},
+        "versions": versions(),
     }

@@ -118,7 +118,12 @@ class TrackingController:
             self._feedback.take_over(before._feedback, estimate.temperature_c)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command for the period of `dt_s` seconds that begins `dt_s` after the measurement."""
+        """Return the command for the period of `dt_s` seconds that begins `dt_s` after the measurement.
+
+        The current is zero until the first reading of the temperature.
+        """
+        if self._state is None and not isfinite(measurement.temperature_c):
+            return Command(0.0, setpoint_mm=self._reference.value_mm(time_s))
         before = self._state or self._started(measurement)
         source, selected = self._sources.update(before.source, measurement, before.estimate, before.ahead, dt_s)
         estimate = self._observed(measurement, selected.used, dt_s)

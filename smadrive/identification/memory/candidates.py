@@ -11,12 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from smadrive.errors import SmadriveError
 from smadrive.hysteresis import DuhemModel, PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.memory.incidence import PlaneGrid
 from smadrive.identification.memory.parallel import duhem_part
 from smadrive.identification.memory.plane_fit import PlaneProblem, grid_of
 from smadrive.identification.record import Record, prepare
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.scalars import whole_number
+
+TURNING_POINT_SETS = (4, 40)
+"""The smallest and the largest number of sets of the last turning point of a model with memory."""
 
 COARSE = 28
 """Largest number of thresholds on each axis of the plane while the output is divided between rules and plane."""
@@ -30,6 +35,17 @@ FitRules = Callable[[Record], tuple[TSFuzzyDuhem, float]]
 """A function that fits rules without memory to a record, and returns the model with its output at the first sample."""
 
 Model = TSFuzzyDuhem | TSFuzzyPreisach
+
+
+def check_memory(memory: object, error: type[SmadriveError], where: str = "memory") -> None:
+    """Raise `error` unless `memory` is 1 (no memory), or a number of sets of the last turning point."""
+    if memory == 1 and not isinstance(memory, bool):
+        return
+    try:
+        whole_number(memory, where, "sets of the last turning point", *TURNING_POINT_SETS, error)
+    except error as wrong:
+        wrong.limit = f"1 for no memory, or {wrong.limit}"
+        raise
 
 
 class _Plane:

@@ -21,20 +21,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from smadrive.errors import IdentificationError, SmadriveError
+from smadrive.errors import IdentificationError
 from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import fit_duhem
-from smadrive.identification.memory.candidates import FitRules, Model, plane_alone, rules_and_plane
+from smadrive.identification.memory.candidates import (
+    TURNING_POINT_SETS,
+    FitRules,
+    Model,
+    check_memory,
+    plane_alone,
+    rules_and_plane,
+)
 from smadrive.identification.quality.metrics import Fit, judge
 from smadrive.identification.record import Record, prepare
-from smadrive.identification.tsfuzzy.fit import fit_rules
-from smadrive.numerics.scalars import whole_number
+from smadrive.identification.tsfuzzy.fit import FUZZY_SETS, fit_rules
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
-
-MOST_TURNING_POINT_SETS = 40
-"""The largest number of sets of the last turning point."""
 
 THIRDS = (1, 2)
 """Loop n belongs to the third n % 3. These thirds are held out in turn; third 0 is not, as it has the major loop."""
@@ -63,12 +66,9 @@ NOTHING_LEFT = 0.2
 If the noise of the output is larger, the noise is the limit.
 """
 
-FEWEST_TURNING_POINT_SETS = 4
-"""The smallest number of sets of the last turning point of a model with memory."""
-
 
 def identify_memory(
-    v: ArrayLike, y: ArrayLike, sets: int = 11, *, memory: int | None = None, dead_band: float | None = None
+    v: ArrayLike, y: ArrayLike, sets: int = FUZZY_SETS, *, memory: int | None = None, dead_band: float | None = None
 ) -> MemoryFit:
     """Fit T-S fuzzy rules to a record, with a Preisach plane if the wire remembers its turning points.
 
@@ -96,34 +96,26 @@ def identify_memory(
     return MemoryFit(**figures | {"caveats": (*fit.caveats, *choice.caveats)}, memory=choice)
 
 
-def check_memory(memory: object, error: type[SmadriveError], where: str = "memory") -> None:
-    """Raise `error` unless `memory` is 1 (no memory), or 4 to 40 sets of the last turning point."""
-    if memory == 1 and not isinstance(memory, bool):
-        return
-    unit = "sets of the last turning point"
-    try:
-        whole_number(memory, where, unit, FEWEST_TURNING_POINT_SETS, MOST_TURNING_POINT_SETS, error)
-    except error as wrong:
-        wrong.limit = f"1 for no memory, or {wrong.limit}"
-        raise
-
-
 def _chosen(record: Record, fit_these: FitRules) -> tuple[Model, float, MemoryChoice]:
     """Return the rules alone if they explain the record; otherwise the model that held-out loops prefer."""
     rules = fit_these(record)
     misfit = 100 * record.misfit(*rules)
     explained = misfit <= max(NOTHING_LEFT, 100 * record.noise)
-    if loops_of(record)[-1] + 1 < LEAST_LOOPS:
+    if _has_too_few_loops(record):
         return *rules, MemoryChoice(1, nan, nan, () if explained else (_too_few_loops(record, misfit),))
     if explained and _shows_heating_inside(record):
         return *rules, MemoryChoice(1, nan, nan)
-    return choose(record, MOST_TURNING_POINT_SETS, fit_these, rules)
+    return choose(record, TURNING_POINT_SETS[1], fit_these, rules)
+
+
+def _has_too_few_loops(record: Record) -> bool:
+    return int(loops_of(record)[-1]) + 1 < LEAST_LOOPS
 
 
 def _too_few_loops(record: Record, misfit_percent: float) -> str:
     loops = int(loops_of(record)[-1]) + 1
     return (
-        f"the rules leave {misfit_percent:.2g} % RMS, and the record has {loops} of the {LEAST_LOOPS} loops that are "
+        f"the fit leaves {misfit_percent:.2g} % RMS, and the record has {loops} of the {LEAST_LOOPS} loops that are "
         "needed to tell whether the wire remembers its turning points: record more inner loops"
     )
 
@@ -185,9 +177,14 @@ def choose(
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
     """Return the better model with memory, its output at the first sample, and how it was chosen.
 
-    `sets` is the number of sets of the last turning point; `fit_rules` fits the rules.
+    `sets` is the number of sets of the last turning point; `fit_rules` fits the rules. A record with too few loops for
+    a comparison gets the plane alone.
     """
     fit_plane, fit_both = _candidates(record, sets, fit_rules)
+    if _has_too_few_loops(record):
+        model, y0 = fit_plane(record)
+        misfit = 100 * record.misfit(model, y0)
+        return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan, (_too_few_loops(record, misfit),))
     (model, y0), _, caveats = _better(record, fit_plane(record), fit_plane, fit_both)
     return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan, caveats)
 

@@ -45,10 +45,15 @@ def _quantiles(record: Record, thresholds: int, *, rising: bool) -> FloatArray:
     shares = np.linspace(_OUTERMOST, 1 - _OUTERMOST, thresholds - 2)
     inner = np.interp(shares, passed, middle[order])
     least = 1e-3 * (record.input_range[1] - record.input_range[0])
-    inner = inner[np.concatenate([[True], np.diff(inner) > least])]
+    kept = [inner[0]]
+    for threshold in inner[1:]:
+        if threshold - kept[-1] > least:
+            kept.append(threshold)
+    if len(kept) == 1:
+        kept.append(kept[0] + least)
     lower, upper = record.input_range
-    first, last = inner[0] - (inner[1] - inner[0]), inner[-1] + (inner[-1] - inner[-2])
-    return np.unique(np.clip([first, *inner, last], lower, upper))
+    first, last = 2 * kept[0] - kept[1], 2 * kept[-1] - kept[-2]
+    return np.unique(np.clip([first, *kept, last], lower, upper))
 
 
 @dataclass(frozen=True, slots=True)

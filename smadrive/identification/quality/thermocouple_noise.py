@@ -11,15 +11,13 @@ from math import sqrt
 import numpy as np
 
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.residuals import MEDIAN_SHARE
 
 LEAST_SAMPLES = 100
 """The noise of fewer samples is unknown."""
 
 TOO_NOISY = 2.0
 """A noise above this multiple of `noise_c` is a caveat: without a sensor, the controller then reverses at the noise."""
-
-MEDIAN_SHARE = 0.6745
-"""Median of the absolute values of Gaussian numbers, in standard deviations."""
 
 
 def noise_caveats(reading_c: FloatArray, given_c: float) -> tuple[str, ...]:

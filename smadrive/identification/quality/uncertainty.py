@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.residuals import samples_per_independent
 
 _RANK = 1e-12  # relative tolerance of the rank of the normal matrix, whose diagonal is scaled to one
 
@@ -49,13 +50,6 @@ def standard_errors(jacobian: FloatArray, parameter_slopes: FloatArray, residual
     scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-300))
     inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale), rcond=_RANK, hermitian=True)
     freedom = max(len(residual) - jacobian.shape[1], 1)
-    alike = min(max(neighbour_correlation(residual), 0.0), 0.99)
-    variance = float(residual @ residual) / freedom * (1 + alike) / (1 - alike)
+    variance = float(residual @ residual) / freedom * samples_per_independent(residual)
     turned = parameter_slopes / scale
     return np.asarray(np.sqrt(np.maximum(variance * np.einsum("ij,jk,ik->i", turned, inverse, turned), 0.0)))
-
-
-def neighbour_correlation(residual: FloatArray) -> float:
-    """Return the correlation of each residual with the next residual; 0 if all residuals are zero."""
-    power = float(residual @ residual)
-    return float(residual[1:] @ residual[:-1]) / power if power > 0 else 0.0

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.residuals import noise_deviation
 from smadrive.wire.identified_resistance import LEAST_NODES, spline_design
 
 NODE_C = 4.0
@@ -101,7 +102,7 @@ def resistance_design(samples: ResistanceSamples, reference_c: float) -> Resista
 def fitted(design: ResistanceDesign) -> tuple[float, LinearFit]:
     """Return contraction and solution, for the penalty with the smallest criterion of cross-validation."""
     samples = design.samples
-    noise_v = _coarse_noise_v(samples.ohm * samples.current_a)
+    noise_v = noise_deviation(samples.ohm * samples.current_a) + 1e-6  # it sets the strength of the penalties
     penalties = [(noise_v / (bend * float(np.median(samples.ohm)))) ** 2 for bend in BENDS]
     fits = []
     for penalty in penalties:
@@ -138,8 +139,3 @@ def _solved(design: ResistanceDesign, strain: float, penalty: float, noise_v: fl
     return LinearFit(
         parameters, residual_v, inverse, matrix, freedom, float(residual_v @ residual_v) + bent_v2 + tied_v2
     )
-
-
-def _coarse_noise_v(voltage_v: FloatArray) -> float:
-    """Return the noise of the voltage, from its second differences. It sets the strength of the penalties."""
-    return float(np.median(np.abs(np.diff(voltage_v, 2))) / 0.6745 / np.sqrt(6.0)) + 1e-6

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from smadrive.errors import IdentificationError
+from smadrive.errors import IdentificationError, ModelError
 from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.resistance_fit.design import (
     LinearFit,
@@ -35,6 +35,7 @@ from smadrive.identification.resistance_fit.design import (
     resistance_design,
 )
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.residuals import MEDIAN_SHARE, samples_per_independent
 from smadrive.wire.identified_resistance import WireResistance, spline_design
 from smadrive.wire.wire_model import WireModel
 
@@ -95,14 +96,23 @@ def identify_resistance(record: ExcitationRecord, temperature_c: FloatArray, wir
     strain, linear = fitted(design)
     degrees = linear.residual_v.size - linear.freedom
     noise_v = float(np.sqrt(np.sum(linear.residual_v**2) / degrees))
-    covariance = noise_v**2 * _fewer(linear.residual_v) * linear.inverse
+    covariance = noise_v**2 * samples_per_independent(linear.residual_v) * linear.inverse
     leverage = np.einsum("ij,jk,ik->i", linear.matrix, covariance, linear.matrix)
     martensite, slope, delay_s, *austenite = linear.parameters.tolist()
     error_ohm = float(np.sqrt(np.mean(leverage)))
     nodes = tuple(design.nodes.tolist())
-    resistance = WireResistance(
-        reference_c, martensite, slope, strain, noise_v, error_ohm, delay_s, nodes, tuple(austenite)
-    )
+    try:
+        resistance = WireResistance(
+            reference_c, martensite, slope, strain, noise_v, error_ohm, delay_s, nodes, tuple(austenite)
+        )
+    except ModelError as error:
+        raise IdentificationError(
+            f"no wire has the fitted resistance ({error.where})",
+            where=FIT,
+            value=error.value,
+            limit=error.limit,
+            cure="check that current and voltage are measured at the same time as temperature and displacement",
+        ) from error
     return _judged(resistance, design, covariance, linear.residual_v)
 
 
@@ -129,18 +139,12 @@ def _samples(record: ExcitationRecord, temperature_c: FloatArray, wire: WireMode
 
 def _refined(samples: ResistanceSamples, rough: LinearFit) -> ResistanceSamples:
     """Return the samples without outliers, with the rate of the resistance by the first fit."""
-    large = OUTLIER * float(np.median(np.abs(rough.residual_v))) / 0.6745
+    large = OUTLIER * float(np.median(np.abs(rough.residual_v))) / MEDIAN_SHARE
     good = np.abs(rough.residual_v) <= large
     ohm, many, last = rough.matrix @ rough.parameters, RATE_SAMPLES, samples.ohm.size - 1
     before, after = np.maximum(np.arange(last + 1) - many, 0), np.minimum(np.arange(last + 1) + many, last)
     rate = (ohm[after] - ohm[before]) / (samples.time_s[after] - samples.time_s[before])
     return ResistanceSamples(*(column[good] for column in samples._replace(rate=rate)))
-
-
-def _fewer(residual: FloatArray) -> float:
-    """Return the factor by which correlated residuals raise the variances."""
-    correlation = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
-    return (1.0 + correlation) / (1.0 - correlation)
 
 
 def _judged(

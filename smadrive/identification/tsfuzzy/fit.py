@@ -47,6 +47,9 @@ _HEAVIER = (10.0, 100.0)  # weights of slopes of the wrong sign inside the loop
 _HEAVIEST = (1e3, 1e4)  # weights if even the slopes of the branches have the wrong sign
 _DEPTHS = (1.0, 0.75, 0.5, 0.25, 0.0)  # see monotone.py; the first depth that raises the misfit little is used
 _TIES = (3.0, 10.0, 30.0, 100.0)  # factors by which the tie of the rules to the Duhem fit may tighten
+FUZZY_SETS = 11
+"""The standard number of fuzzy sets."""
+
 _MOST_COMPONENTS = 3  # Gaussians per branch of the Duhem fit
 _NOTHING_LEFT = 0.05  # RMS in % at which a Duhem fit leaves nothing to explain; or the noise, if it is larger
 _AS_GOOD = 1.25  # largest RMS after removing the last slopes of the wrong sign, over RMS before
@@ -56,7 +59,7 @@ _ACTIVITY_SHARES = (0.5, 0.8)  # share of the centres that start where the outpu
 def identify_tsfuzzy(
     v: ArrayLike,
     y: ArrayLike,
-    sets: int | Sequence[float] = 11,
+    sets: int | Sequence[float] = FUZZY_SETS,
     *,
     fit_centres: bool = True,
     dead_band: float | None = None,
@@ -75,7 +78,7 @@ def identify_tsfuzzy(
 
 
 def fit_rules(
-    record: Record, sets: int | Sequence[float] = 11, *, fit_centres: bool = True
+    record: Record, sets: int | Sequence[float] = FUZZY_SETS, *, fit_centres: bool = True
 ) -> tuple[TSFuzzyDuhem, float]:
     """Fit rules without memory to a prepared record. Return the model, and its output at the first sample."""
     placements = _placements(record, sets, fit_centres=fit_centres)

@@ -16,9 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smadrive.identification.quality.uncertainty import neighbour_correlation
 from smadrive.identification.thermal import SYSTEMATIC
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.residuals import samples_per_independent
 from smadrive.safety.resistance_band import BLOCK_S, LEAST_SAMPLES
 from smadrive.wire.health.entry import Estimate
 from smadrive.wire.wire_model import WireModel
@@ -69,5 +69,4 @@ def rest_resistance(wire: WireModel, samples: HeatedSamples) -> RestResistance:
 
 def _relative_error(deviation: FloatArray) -> float:
     """Return the standard error of the mean of the blocks, which allows for the correlation of neighbouring blocks."""
-    alike = min(max(neighbour_correlation(deviation - deviation.mean()), 0.0), 0.99)
-    return float(np.std(deviation)) * sqrt((1.0 + alike) / (1.0 - alike) / len(deviation))
+    return float(np.std(deviation)) * sqrt(samples_per_independent(deviation - deviation.mean()) / len(deviation))

@@ -20,6 +20,14 @@ def test_the_estimate_grows_with_the_runs_and_their_length(short_campaign):
     assert estimate_of(plan, done=range(10)).core_s == 0.0
 
 
+def test_a_shape_may_have_blanks(short_campaign):
+    shapes = ("sine:low_mm=2,high_mm=9,period_s=56", "sine: low_mm = 2, high_mm = 9, period_s = 56")
+    vary = '[[vary]]\nreference = ["sine"]\n'
+    plans = [short_campaign(vary=vary, more=f'[references.sine]\nshape = "{shape}"\n') for shape in shapes]
+    of_shape = [estimate_of(plan) for plan in plans]
+    assert of_shape[0].disk_bytes == of_shape[1].disk_bytes
+
+
 def test_a_full_disk_is_found_before_the_start(short_campaign, tmp_path):
     estimate = estimate_of(short_campaign())
     check_disk(tmp_path / "new", estimate)

@@ -139,6 +139,9 @@ def test_a_grid_of_a_thousand_million_runs_is_an_error(planned):
         ("[[vary]]\ndisturbance = ['draught']\n", "[run]"),
         ("[[vary]]\nrecords = '*.h5'\n", "[[vary]] 1: records"),
         ("[run.rig]\ndevices.bord.profile = 'tclab'\n", "[run.rig] devices"),
+        ("[run.fit]\nmemory = 2\n", "campaign.toml"),
+        ("[run.fit]\nkind = 'duhem'\nsets = 5\n", "campaign.toml"),
+        ("[[vary]]\nfit.sets = [11, 60]\n", "campaign.toml"),
         ("[report]\nmetric = 'rms'\n", "[report] metric"),
         ("[report]\nby = ['wires']\n", "[report] by"),
         ("unknown = 1\n", "campaign.toml"),
@@ -161,7 +164,13 @@ def test_an_unknown_parameter_of_a_fault_is_found_before_the_start(planned, para
 
 
 @pytest.mark.parametrize(
-    "run", ["experiment = 'track'", "experiment = 'fit'", "reference = 'a'\nmodel = 'm.json'\ncontroller = 'plain-map'"]
+    "run",
+    [
+        "experiment = 'track'",
+        "experiment = 'fit'",
+        "reference = 'a'\nmodel = 'm.json'\ncontroller = 'plain-map'",
+        "experiment = 'identify'\nmodel = 'm.json'",
+    ],
 )
 def test_a_run_that_lacks_something_is_an_error(planned, run):
     with pytest.raises(ConfigError) as caught:

@@ -4,6 +4,7 @@ import resource
 import signal
 import subprocess
 import sys
+from importlib.metadata import version
 
 import pytest
 from distributed import Client, LocalCluster
@@ -150,6 +151,17 @@ def test_another_campaign_does_not_go_on_in_the_folder(short_campaign, tmp_path)
     assert caught.value.where == str(folder)
     with Journal(folder, short_campaign(), resume=True) as journal:
         assert list(journal.results) == [0]
+
+
+def test_a_campaign_does_not_go_on_with_other_versions(short_campaign, tmp_path):
+    folder = tmp_path / "folder"
+    with Journal(folder, short_campaign(), resume=False) as journal:
+        journal.add(0, RESULT)
+    text = (folder / "journal.jsonl").read_text()
+    (folder / "journal.jsonl").write_text(text.replace(f'"numpy": "{version("numpy")}"', '"numpy": "1.0"'))
+    with pytest.raises(DataError) as caught, Journal(folder, short_campaign(), resume=True):
+        pass
+    assert "numpy 1.0" in caught.value.value
 
 
 def test_a_campaign_without_a_run_leaves_nothing(short_campaign, tmp_path):

@@ -183,3 +183,13 @@ def test_measured_wire_is_soon_back_after_a_jump_of_the_setpoint():
     rows = bench.run(controller(Reference.from_samples([0.0, 40.0], [8.0, 8.0]), loop(), before=first), 22.0)
     away_s = rows[np.abs(rows[:, 2] - 8.0) > 0.01 * 12.0, 0]
     assert away_s.max() - 20.0 < 0.45
+
+
+def test_current_is_zero_until_the_first_reading_of_the_temperature():
+    bench = Bench(WireModel(loop(), BALANCE), sensor=True)
+    first = controller(REFERENCE, loop())
+    unknown = bench.measurement()._replace(temperature_c=nan)
+    assert first.update(0.0, unknown, DT_S).commanded_a == 0.0
+    assert first.state is None
+    assert first.update(DT_S, bench.measurement(), DT_S).power_w >= 0.0
+    assert first.state is not None

@@ -5,7 +5,7 @@ import pytest
 
 from smadrive.hysteresis import DuhemModel
 from smadrive.identification import identify_duhem
-from smadrive.identification.quality.uncertainty import neighbour_correlation
+from smadrive.numerics.residuals import neighbour_correlation
 
 WIRE = DuhemModel.gaussian(
     mu_heating=95, mu_cooling=75, sigma_heating=5, sigma_cooling=5.2, scale=-4.2, offset=5, input_range=(20, 140)

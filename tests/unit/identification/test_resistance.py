@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from smadrive.errors import IdentificationError
+from smadrive.errors import IdentificationError, ModelError
 from smadrive.hysteresis import DuhemModel
 from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.resistance_fit.fit import identify_resistance
@@ -89,3 +89,11 @@ def test_resistance_that_says_too_little(noise_v):
     with pytest.raises(IdentificationError) as raised:
         identify_resistance(record, record.temperature_c, WIRE)
     assert raised.value.limit
+
+
+def test_resistance_that_no_wire_has_is_not_identified():
+    """The supply averages over 3 s, so current and voltage are those of an earlier wire."""
+    record = record_of(delay_s=1.5)
+    with pytest.raises(IdentificationError) as raised:
+        identify_resistance(record, record.temperature_c, WIRE)
+    assert isinstance(raised.value.__cause__, ModelError)

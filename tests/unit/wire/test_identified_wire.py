@@ -49,6 +49,7 @@ def test_byte_order_mark_is_accepted(path):
 def test_file_keeps_origin_and_metrics(path):
     provenance = json.loads(path.read_text())["provenance"]
     assert (provenance["source"], provenance["rms_percent"]) == ("a test", 0.3)
+    assert load_wire(path).metrics["rms_percent"] == 0.3
 
 
 @pytest.mark.parametrize("source", BalanceSource)

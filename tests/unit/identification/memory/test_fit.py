@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from smadrive.errors import IdentificationError
-from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
+from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.memory.fit import choose, identify_memory
+from smadrive.identification.memory.plane_fit import grid_of
 from smadrive.identification.record import prepare
 from smadrive.identification.tsfuzzy.fit import fit_rules
 
@@ -68,6 +69,24 @@ def test_too_few_loops_are_told(rng):
     assert type(fit.model) is TSFuzzyDuhem
     assert len(fit.memory.caveats) == 1
     assert set(fit.memory.caveats) <= set(fit.caveats)
+
+
+def test_given_memory_is_fitted_to_a_record_of_one_loop(rng):
+    wire, v = MixedWire(0.0, 0.0, rng), path([COLD, 110.0, COLD], 400)
+    fit = identify_memory(v, wire.simulate(v), memory=8)
+    assert isinstance(fit.model, TSFuzzyPreisach)
+    assert fit.memory.caveats
+
+
+def test_thresholds_of_a_steep_wire_are_not_lost():
+    """The range is 200 K, and the steep part of the branch some 2 K."""
+    steep = DuhemModel.gaussian(
+        mu_heating=90.0, mu_cooling=70.0, sigma_heating=0.5, sigma_cooling=0.5, input_range=(COLD - 10, 200.0)
+    )
+    v = path([COLD, 190.0, COLD], 40_000)
+    grid = grid_of(prepare(v, steep.simulate(v), 0.01), 40)
+    rise = steep.branch(grid.up, rising=True)
+    assert np.diff(rise).max() < 0.25
 
 
 @pytest.mark.parametrize("memory", [0, 2, 3, 41, 2.5])
