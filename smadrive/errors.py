@@ -162,11 +162,23 @@ class DeviceError(SmadriveError):
 
 
 class ExceptionReply(DeviceError):
-    """A Modbus exception reply. `code` is the exception code: 1 illegal function, 2 illegal data address, ..."""
+    """A Modbus exception reply. `code` is the exception code: 1 illegal function, 2 illegal data address, ...
 
-    def __init__(self, what: str, code: int, *, where: object = "", value: object = None, cure: str = "") -> None:
+    With `is_transient`, a busy device or gateway has sent it, which may carry out the next request.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        code: int,
+        is_transient: bool = False,
+        *,
+        where: object = "",
+        value: object = None,
+        cure: str = "",
+    ) -> None:
         super().__init__(what, where=where, value=value, cure=cure)
-        self.code = code
+        self.code, self.is_transient = code, is_transient
 
 
 class IdentityError(DeviceError):

@@ -1,12 +1,6 @@
-"""Exception codes of the Modbus standard, and the Python exception that carries such a code."""
+"""The Python exception that carries the exception code of a Modbus reply."""
 
 from __future__ import annotations
-
-ILLEGAL_FUNCTION = 1
-ILLEGAL_ADDRESS = 2
-ILLEGAL_VALUE = 3
-DEVICE_FAILURE = 4
-NO_SUCH_UNIT = 11
 
 
 class ModbusException(Exception):  # not an error of the simulator: a regular reply

@@ -20,9 +20,9 @@ from typing import Protocol
 
 from firmware_sim.bus.faults import Delivery
 from firmware_sim.bus.message import ModbusMessage, TextMessage
-from firmware_sim.bus.modbus_exception import NO_SUCH_UNIT
 from firmware_sim.bus.stream import RequestStream
 from smadrive.modbus.framing import mbap, rtu
+from smadrive.modbus.verdict import ExceptionCode
 
 _ANY_UNIT = (0, 255)
 _TEXT_BUFFER = 64
@@ -103,7 +103,7 @@ class TcpPort:
             if alone or request.unit_id == unit.unit_id:
                 deliveries = unit.answer(request, time_s)
         if deliveries is None:
-            return [(time_s, request.reply(request.exception_pdu(NO_SUCH_UNIT)).frame)]
+            return [(time_s, request.reply(request.exception_pdu(ExceptionCode.NO_RESPONSE)).frame)]
         return deliveries
 
 

@@ -11,12 +11,13 @@ from collections.abc import Mapping, Sequence
 from math import isnan
 from typing import NamedTuple
 
-from firmware_sim.bus.modbus_exception import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusException
+from firmware_sim.bus.modbus_exception import ModbusException
 from smadrive.devices.profile.dependent_registers import context_of
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import ALONE, Context
 from smadrive.devices.profile.register import Register
 from smadrive.errors import ConfigError
+from smadrive.modbus.verdict import ExceptionCode
 
 Quantity = float | str | None  # a number, the name of a state, or no reading
 
@@ -125,7 +126,7 @@ class RegisterBank:
         """Raise ModbusException when the range contains an address without a register."""
         words = self._tables.get(table, [])[first : first + count]
         if len(words) < count or _NO_REGISTER in words:
-            raise ModbusException(ILLEGAL_ADDRESS)
+            raise ModbusException(ExceptionCode.ILLEGAL_ADDRESS)
 
     def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
         """Return one Write for each register that `words` fill. ModbusException when a write is not allowed."""
@@ -134,7 +135,7 @@ class RegisterBank:
         while at < len(words):
             cell = self._writable.get((table, first + at))
             if cell is None or len(words) < at + cell.size:
-                raise ModbusException(ILLEGAL_ADDRESS)
+                raise ModbusException(ExceptionCode.ILLEGAL_ADDRESS)
             part = words[at : at + cell.size]
             context = self._context(cell)
             writes.append(Write(cell, part, cell.codec.decode(part, context).value, context))
@@ -143,7 +144,7 @@ class RegisterBank:
             try:
                 cell.codec.encode(value, cell.name, context)
             except ConfigError:
-                raise ModbusException(ILLEGAL_VALUE) from None
+                raise ModbusException(ExceptionCode.ILLEGAL_VALUE) from None
             if self._has_locks:
                 self._check_unlocked(cell.name)
         return writes
@@ -165,7 +166,7 @@ class RegisterBank:
                 continue
             lock = self._cells[rule.write]
             if lock.words != lock.codec.saturated(rule.value):
-                raise ModbusException(DEVICE_FAILURE)
+                raise ModbusException(ExceptionCode.DEVICE_FAILURE)
 
     def _show_dependent(self, cell: RegisterCell, value: Quantity) -> None:
         """Show `value` in a register that depends on others, and show in its status registers if `value` is valid."""

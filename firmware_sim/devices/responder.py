@@ -12,12 +12,13 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from firmware_sim.bus.modbus_exception import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, ModbusException
+from firmware_sim.bus.modbus_exception import ModbusException
 from firmware_sim.devices.firmware import RegisterFirmware
 from firmware_sim.devices.registers import RegisterBank
 from smadrive.devices.profile.function_codes import words_of
 from smadrive.devices.profile.schema import DeviceTiming
 from smadrive.modbus import requests
+from smadrive.modbus.verdict import ExceptionCode
 
 _LOOP_BACK = 8
 _COIL_STATES = {0xFF00: 1, 0x0000: 0}
@@ -66,7 +67,7 @@ class Responder:
         try:
             return bytes((function,)) + self._functions.get(function, _unknown)(data)
         except struct.error:  # the request is shorter or longer than its function requires
-            code = ILLEGAL_VALUE
+            code: int = ExceptionCode.ILLEGAL_VALUE
         except ModbusException as exception:
             code = exception.code
         self.counters.exceptions += 1
@@ -94,7 +95,7 @@ class Responder:
     def _write_coil(self, data: bytes) -> bytes:
         address, state = struct.unpack(">HH", data)
         if state not in _COIL_STATES:
-            raise ModbusException(ILLEGAL_VALUE)
+            raise ModbusException(ExceptionCode.ILLEGAL_VALUE)
         self._write("coil", address, (_COIL_STATES[state],))
         return data
 
@@ -132,12 +133,12 @@ class Responder:
     @staticmethod
     def _loop_back(data: bytes) -> bytes:
         if data[:2] != b"\0\0":
-            raise ModbusException(ILLEGAL_FUNCTION)
+            raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION)
         return data
 
     def _write(self, table: str, first: int, words: Sequence[int]) -> None:
         if first + len(words) > 0x10000:
-            raise ModbusException(ILLEGAL_ADDRESS)
+            raise ModbusException(ExceptionCode.ILLEGAL_ADDRESS)
         writes = self._bank.checked(table, first, words)
         values = self._bank.by_role(writes)
         self._firmware.check(values)
@@ -153,14 +154,14 @@ class Responder:
 
 
 def _unknown(_data: bytes) -> bytes:
-    raise ModbusException(ILLEGAL_FUNCTION)
+    raise ModbusException(ExceptionCode.ILLEGAL_FUNCTION)
 
 
 def _check_quantity(count: int, limit: int) -> None:
     if not 1 <= count <= limit:
-        raise ModbusException(ILLEGAL_VALUE)
+        raise ModbusException(ExceptionCode.ILLEGAL_VALUE)
 
 
 def _check_size(expected: int, size: int, payload: bytes) -> None:
     if size != expected or len(payload) != size:
-        raise ModbusException(ILLEGAL_VALUE)
+        raise ModbusException(ExceptionCode.ILLEGAL_VALUE)

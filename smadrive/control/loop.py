@@ -31,9 +31,6 @@ from smadrive.safety.supervisor import Supervisor
 LATE_FRACTION = 0.5
 """A tick has missed its deadline if it starts more than this share of the period after the deadline."""
 
-BUSY = (5, 6, 11)
-"""Modbus exception codes of a busy device (5, 6), and of a gateway whose device does not answer (11)."""
-
 StopRequested = Callable[[], bool]
 """Returns True if the user has requested a stop. The loop calls this function before every tick."""
 
@@ -186,7 +183,7 @@ class ControlLoop:
             self.metrics.lost_exchanges += 1
             return None
         except DeviceError as rejection:
-            if isinstance(rejection, ExceptionReply) and rejection.code in BUSY:
+            if isinstance(rejection, ExceptionReply) and rejection.is_transient:
                 self.metrics.lost_exchanges += 1
                 return None
             raise self._tripped(Trip(Fault.COMMAND_REFUSED, self._clock.now_s(), str(rejection))) from rejection

@@ -36,18 +36,6 @@ class GuardedTrace:
 NEVER_SILENT_S = 2.0
 """A quarantine (see bus_line.py) fails if bytes keep arriving for this time in seconds plus one response timeout."""
 
-EXCEPTIONS = {
-    1: "illegal function",
-    2: "illegal data address",
-    3: "illegal data value",
-    4: "device failure",
-    5: "acknowledged, in progress",
-    6: "device busy",
-    8: "memory parity error",
-    10: "gateway path unavailable",
-    11: "gateway target did not respond",
-}
-
 
 @dataclass(frozen=True, slots=True)
 class BusTiming:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from smadrive.display.card import count_text
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, SmadriveError
-from smadrive.modbus.bus import EXCEPTIONS
-from smadrive.modbus.verdict import Outcome, Verdict
+from smadrive.modbus.verdict import MEANINGS, TRANSIENT_CODES, Outcome, Verdict
 
 COUNTED = {
     Verdict.REFUSED: ("replies", "exceptions"),
@@ -38,9 +37,10 @@ _WRONG = {
 
 def failure(outcome: Outcome, where: str) -> SmadriveError:
     """Return the error for a request whose outcome is not ANSWERED; `where` names bus, unit and request."""
-    meaning = f"exception {outcome.code}, {EXCEPTIONS.get(outcome.code, 'unknown')}" if outcome.code else ""
+    meaning = f"exception {outcome.code}, {MEANINGS.get(outcome.code, 'unknown')}" if outcome.code else ""
     if outcome.verdict in (Verdict.REFUSED, Verdict.DEFERRED):
-        return ExceptionReply("the device rejects the request", outcome.code, where=where, value=meaning)
+        is_transient = outcome.code in TRANSIENT_CODES
+        return ExceptionReply("the device rejects the request", outcome.code, is_transient, where=where, value=meaning)
     if outcome.verdict is Verdict.SILENT:
         return DeadlineError(
             "the reply was incomplete at the deadline" if outcome.data else "no reply before the deadline",

@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable
 
 from smadrive.modbus import requests
-from smadrive.modbus.bus import EXCEPTIONS
+from smadrive.modbus.verdict import MEANINGS
 
 _TABLES = {1: "coils", 2: "discrete inputs", 3: "holding registers", 4: "input registers"}
 
@@ -30,7 +30,7 @@ def of_reply(pdu: bytes, request: bytes) -> str:
     if not pdu:
         return "nothing"
     if len(pdu) == 2 and pdu[0] & 0x80:
-        return f"exception {pdu[1]}, {EXCEPTIONS.get(pdu[1], 'unknown')}"
+        return f"exception {pdu[1]}, {MEANINGS.get(pdu[1], 'unknown')}"
     if pdu[0] != request[0]:
         return f"a reply to function {pdu[0]}"
     if pdu[0] in _TABLES or pdu[0] == 23:

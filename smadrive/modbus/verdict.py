@@ -34,11 +34,46 @@ The states of the connection (`TRANSITIONS`):
 
 from __future__ import annotations
 
-from enum import Enum, auto
+from enum import Enum, IntEnum, auto
 from typing import NamedTuple
 
-FINAL_CODES = frozenset((1, 2, 3, 4, 7, 8))
-"""Exception codes that end a request. After any other code, such as 5, 6, 10 or 11, the real reply may follow."""
+
+class ExceptionCode(IntEnum):
+    """The exception codes of the Modbus standard. A device may send other codes, too."""
+
+    ILLEGAL_FUNCTION = 1
+    ILLEGAL_ADDRESS = 2
+    ILLEGAL_VALUE = 3
+    DEVICE_FAILURE = 4
+    ACKNOWLEDGE = 5
+    BUSY = 6
+    NEGATIVE_ACKNOWLEDGE = 7
+    PARITY_ERROR = 8
+    NO_PATH = 10
+    NO_RESPONSE = 11
+
+
+MEANINGS: dict[int, str] = {
+    ExceptionCode.ILLEGAL_FUNCTION: "illegal function",
+    ExceptionCode.ILLEGAL_ADDRESS: "illegal data address",
+    ExceptionCode.ILLEGAL_VALUE: "illegal data value",
+    ExceptionCode.DEVICE_FAILURE: "device failure",
+    ExceptionCode.ACKNOWLEDGE: "acknowledged, in progress",
+    ExceptionCode.BUSY: "device busy",
+    ExceptionCode.NEGATIVE_ACKNOWLEDGE: "negative acknowledge",
+    ExceptionCode.PARITY_ERROR: "memory parity error",
+    ExceptionCode.NO_PATH: "gateway path unavailable",
+    ExceptionCode.NO_RESPONSE: "gateway target did not respond",
+}
+"""The meaning of each exception code in messages."""
+
+TRANSIENT_CODES = frozenset(
+    (ExceptionCode.ACKNOWLEDGE, ExceptionCode.BUSY, ExceptionCode.NO_PATH, ExceptionCode.NO_RESPONSE)
+)
+"""Codes of a busy device or gateway: it may carry out the next request."""
+
+FINAL_CODES = frozenset(MEANINGS) - TRANSIENT_CODES
+"""Codes that end a request. After any other code, the real reply may follow."""
 
 
 class Verdict(Enum):

@@ -17,7 +17,7 @@ from enum import IntEnum
 from math import inf
 from random import Random
 
-from firmware_sim.bus.modbus_exception import DEVICE_FAILURE, ILLEGAL_VALUE, ModbusException
+from firmware_sim.bus.modbus_exception import ModbusException
 from firmware_sim.config import Board
 from firmware_sim.devices.board.calibration import BoardCalibration
 from firmware_sim.devices.board.checks import BoardLimit, CurrentCheck, sensor_faults, temperature_limit
@@ -31,6 +31,7 @@ from firmware_sim.devices.board.readings import (
 )
 from firmware_sim.devices.board.scales import CONSTANTS, SCALES, SETTINGS, count_of, sequence_start
 from firmware_sim.sensors.sensors import Sensors
+from smadrive.modbus.verdict import ExceptionCode
 
 FAULTS_OF_VERSION_1 = 0x7F
 _NOT_ARMED = {"calibration_save", *CONSTANTS}
@@ -115,10 +116,10 @@ class BoardFirmware:
     def check(self, values: Mapping[str, float]) -> None:
         """Raise ModbusException for a limit above the board's own limit, and for a write that the state forbids."""
         if any(count_of(role, values[role]) > self._own[role] for role in SETTINGS[1:] if role in values):
-            raise ModbusException(ILLEGAL_VALUE)
+            raise ModbusException(ExceptionCode.ILLEGAL_VALUE)
         is_calibrated_armed = self.state is BoardState.ARMED and not _NOT_ARMED.isdisjoint(values)
         if is_calibrated_armed or ("arm" in values and self.state is not BoardState.IDLE):
-            raise ModbusException(DEVICE_FAILURE)
+            raise ModbusException(ExceptionCode.DEVICE_FAILURE)
 
     def write(self, values: Mapping[str, float]) -> None:
         """Carry out a write request. `values` has the written values by role."""

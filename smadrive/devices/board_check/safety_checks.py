@@ -12,6 +12,7 @@ from math import inf
 from smadrive.devices.board_check.checked_board import SETTLE_S, CheckedBoard, Readings, TimeBounds
 from smadrive.devices.board_check.result import CheckKind, CheckResult, CheckVerdict, judged
 from smadrive.errors import DeviceError, ExceptionReply, ProtocolError
+from smadrive.modbus.verdict import ExceptionCode
 
 SMALL_A, OPEN_A = 0.03, 0.06
 WATCHDOG_S = 0.25
@@ -22,7 +23,6 @@ OBSERVED_S = 1.0
 CLOCK_ERROR = 0.02
 """Largest allowed relative error of the board's clock. An oscillator without a quartz keeps it, too."""
 CONVERSION_S = 0.1
-DEVICE_FAILURE = 4
 
 
 def safety_results(board: CheckedBoard) -> Iterator[CheckResult]:
@@ -106,7 +106,7 @@ def _rejects_arming(board: CheckedBoard) -> bool:
     try:
         board.arm()
     except ExceptionReply as reply:
-        return reply.code == DEVICE_FAILURE
+        return reply.code == ExceptionCode.DEVICE_FAILURE
     return False
 
 

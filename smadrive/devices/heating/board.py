@@ -19,15 +19,13 @@ from smadrive.devices.heating.device_source import DeviceSource
 from smadrive.devices.heating.heat_source import HeaterLimits, Sample, Supplied
 from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ExceptionReply, ProtocolError, SafetyError
+from smadrive.modbus.verdict import ExceptionCode
 
 STALE_S = 0.5
 """Longest time in s without a new sample before the temperature is invalid. A board converts at least every 0.1 s."""
 
 SEQUENCES = range(0x0100, 0x10000)
 """The sequence numbers. The registers next to the echo hold only smaller numbers."""
-
-ILLEGAL_VALUE = 3
-"""Modbus exception code of a value that the device does not accept."""
 
 _MEASURED = (
     "sequence_echo",
@@ -150,7 +148,7 @@ class HeaterBoard(DeviceSource[Device]):
         try:
             self.device.write(self.device.profile.role(role), value)
         except ExceptionReply as rejection:
-            if rejection.code == ILLEGAL_VALUE:
+            if rejection.code == ExceptionCode.ILLEGAL_VALUE:
                 rejection.cure = f"lower limits.{key} in the rig file: the device itself allows less"
             raise
 
