@@ -8,17 +8,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from math import isfinite, nan
 from pathlib import Path
 
 from smadrive.control.feasibility import Feasibility, simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.holding import APPROACH_S, resting_mm
 from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
-from smadrive.hysteresis import HysteresisModel, TSFuzzyPreisach
+from smadrive.hysteresis import TSFuzzyPreisach
 from smadrive.hysteresis.turning_points import MOST_TURNS
-from smadrive.measurement import DisplacementFrom, Measurement
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.cycles import Cycling
@@ -28,9 +28,6 @@ from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.recorded_loops import dropped_turns, outside
 from smadrive.wire.wire_model import WireModel, WireState, travel_mm
-
-APPROACH_S = 10.0
-"""Duration of the approach, in which the wire moves to the beginning of the reference. The approach is not scored."""
 
 RETURN_S = 10.0
 """Duration of the way back between two cycles of a reference that does not end where it begins."""
@@ -149,25 +146,13 @@ def plan_tracking(
     return PlannedTracking(given, nearest, wire, caveats, cycling, chosen, *from_record)
 
 
-def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
-    """Return the measured displacement, mm.
-
-    If it is unknown, return the displacement that `model` has at the measured temperature after heating from cold.
-    """
-    if isfinite(measured.displacement_mm):
-        return measured.displacement_mm
-    return model.initial_state(measured.temperature_c).y
-
-
 def _start(
     rig: Rig, given: Reference, wire: WireModel, displacement_from: DisplacementFrom
 ) -> tuple[WireState, Reference]:
     """Return the present state of the wire, and `given` with the approach from this state."""
     measured = rig.measure()
-    if displacement_from is not DisplacementFrom.SENSOR:
-        measured = measured._replace(displacement_mm=nan)
     check_thermocouple(measured)
-    start_mm = start_displacement_mm(wire.model, measured)
+    start_mm = resting_mm(wire.model, measured, displacement_from)
     rig.check_balance(wire.balance)
     start = WireState(measured.temperature_c, wire.model.initial_state(measured.temperature_c, start_mm))
     return start, given.with_approach(start_mm, APPROACH_S)

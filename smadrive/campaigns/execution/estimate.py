@@ -19,10 +19,10 @@ from smadrive.campaigns.experiments.references import shaped
 from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig
 from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.control.controllers.step import ConstantCurrentController
+from smadrive.control.references.holding import APPROACH_S
 from smadrive.errors import DataError
 from smadrive.files.csv_table import read_table
 from smadrive.rig.controllers import excitation_path
-from smadrive.runs.tracking_plan import APPROACH_S
 
 PROBE_S = 5.0
 """Length of the simulated run that measures the time of one tick, s."""

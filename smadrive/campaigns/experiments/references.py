@@ -11,13 +11,13 @@ from typing import NamedTuple
 from smadrive.campaigns.plan.config import ReferenceConfig
 from smadrive.control.feasibility import simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.holding import APPROACH_S
 from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
 from smadrive.files.csv_table import read_table
 from smadrive.rig.config import RigConfig
 from smadrive.rig.controllers import tracking_settings
-from smadrive.runs.tracking_plan import APPROACH_S
 from smadrive.wire.wire_model import Travel, WireModel, WireState, travel_mm
 
 

@@ -9,8 +9,11 @@ from math import isfinite
 
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import HysteresisModel
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.safety.displacement_band import DisplacementBand
+
+APPROACH_S = 10.0
+"""Duration of an approach, in which the setpoint moves from its present value to the beginning of a reference."""
 
 PEAK = 1.875
 """Greatest speed of a minimum-jerk path, 15/8 of its mean speed."""
@@ -21,16 +24,24 @@ def constant_reference(at_mm: float) -> Reference:
     return Reference.from_samples([0.0, 1.0], [at_mm, at_mm])
 
 
-def holding_reference(model: HysteresisModel, measurement: Measurement) -> Reference:
-    """Return a constant reference at the measured displacement; without a sensor, at the displacement of the model.
+def resting_mm(model: HysteresisModel, measurement: Measurement, source: DisplacementFrom) -> float:
+    """Return the displacement of a wire at rest, mm: the measured one if a sensor is the source.
+
+    If it is unknown, return the displacement that `model` has at the measured temperature after heating from cold.
+    """
+    if source is DisplacementFrom.SENSOR and isfinite(measurement.displacement_mm):
+        return measurement.displacement_mm
+    return model.initial_state(measurement.temperature_c).y
+
+
+def holding_reference(model: HysteresisModel, measurement: Measurement, source: DisplacementFrom) -> Reference:
+    """Return a constant reference at the displacement of a wire at rest (`resting_mm`).
 
     The displacement is limited to the range of the model at this temperature, so that a sensor with a wrong zero
     does not make the controller heat a cold wire.
     """
-    temperature_c, displacement_mm = measurement.temperature_c, measurement.displacement_mm
-    if not isfinite(displacement_mm):
-        displacement_mm = model.initial_state(temperature_c).y
-    return constant_reference(DisplacementBand(model).nearest_mm(temperature_c, displacement_mm))
+    at_mm = resting_mm(model, measurement, source)
+    return constant_reference(DisplacementBand(model).nearest_mm(measurement.temperature_c, at_mm))
 
 
 def moving_reference(from_mm: float, to_mm: float, speed_mm_per_s: float) -> Reference:

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
-from math import inf, nan
+from math import inf
 from typing import Protocol
 
 from smadrive.control.controllers.interface import Command
@@ -20,14 +20,13 @@ from smadrive.control.controllers.swappable import SwappableController
 from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.loop import Tick, TickHandler
-from smadrive.control.references.holding import holding_reference, moving_reference
+from smadrive.control.references.holding import APPROACH_S, holding_reference, moving_reference
 from smadrive.control.references.reference import Reference
-from smadrive.measurement import DisplacementFrom, Measurement
+from smadrive.measurement import Measurement
 from smadrive.rig.controllers import tracking_controller
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
-from smadrive.runs.tracking_plan import APPROACH_S
 from smadrive.safety.arming_checks import check_thermocouple
 from smadrive.scripting.loop.motions import FollowMotion, MoveMotion
 from smadrive.scripting.loop.servo_messages import (
@@ -87,9 +86,7 @@ class LoopServo:
         check_thermocouple(measurement)
         source = rig.config.displacement_from
         self._warnings = rig.check_sensing(self._wire, source, measurement.temperature_c)
-        if source is not DisplacementFrom.SENSOR:
-            measurement = measurement._replace(displacement_mm=nan)
-        reference = holding_reference(wire.model, measurement)
+        reference = holding_reference(wire.model, measurement, source)
         self._swappable = SwappableController(self._controller(reference), reference, lambda: None)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from smadrive.control.references.holding import constant_reference
+from smadrive.control.references.holding import APPROACH_S, constant_reference
 from smadrive.control.references.limits import check_length
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
@@ -18,12 +18,6 @@ from smadrive.tuning.tuning import Tuning
 from smadrive.wire.wire_model import travel_mm
 
 LONGEST_S = 600.0
-
-APPROACH_S = 10.0
-"""Time in which the setpoint moves from its present value to the beginning of a reference.
-
-If a reference ends at another displacement than it begins, the way back to its beginning takes the same time.
-"""
 
 
 class ReferenceCatalogue:
@@ -62,4 +56,4 @@ class ReferenceCatalogue:
             return constant_reference(from_mm)
         reference = self._references.get(name) or parse_reference(name, LONGEST_S)
         reference.check_within(travel_mm(tuning.model))
-        return reference.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
+        return reference.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)  # the way back takes as long

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from math import isfinite, nan
+from math import isfinite
 
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.swappable import SwappableController
@@ -18,7 +18,7 @@ from smadrive.control.loop import Tick, TickHandler
 from smadrive.control.references.holding import holding_reference
 from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError, SmadriveError
-from smadrive.measurement import DisplacementFrom, Measurement
+from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.rig.supervision import WireChecks
 from smadrive.runs.health.assessment import health_lines
@@ -166,9 +166,7 @@ class TuningSession:
         tuning = self.tunings.in_force
         wire, source = self._wire.wire_model(tuning.model), tuning.displacement_from
         self._state.warn(self._rig.check_sensing(wire, source, measurement.temperature_c))
-        if source is not DisplacementFrom.SENSOR:
-            measurement = measurement._replace(displacement_mm=nan)
-        reference = holding_reference(tuning.model, measurement)
+        reference = holding_reference(tuning.model, measurement, source)
         controller = tuned_controller(tuning, reference, self._rig.config, self._wire)
         return SwappableController(controller, reference, self._serve)
 
