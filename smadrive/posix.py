@@ -11,9 +11,12 @@ import importlib
 import os
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypeVar
+from weakref import WeakSet
 
 from smadrive.errors import ConfigError
+
+T = TypeVar("T")
 
 MODULES = ("fcntl", "grp", "pwd", "termios", "tty")
 
@@ -53,11 +56,20 @@ def check_posix() -> None:
         raise _not_posix(", ".join(MODULES))
 
 
-def after_fork_in_child(function: Callable[[], None]) -> None:
-    """Call `function` in every forked child. Systems without fork need no call."""
-    register = getattr(os, "register_at_fork", None)
-    if register is not None:
-        register(after_in_child=function)
+def released_in_children(release: Callable[[T], None]) -> WeakSet[T]:
+    """Return an empty set. Every forked child calls `release` for each object in it.
+
+    Systems without fork call nothing.
+    """
+    held: WeakSet[T] = WeakSet()
+
+    def release_inherited() -> None:
+        for one in tuple(held):
+            release(one)
+
+    if (register := getattr(os, "register_at_fork", None)) is not None:
+        register(after_in_child=release_inherited)
+    return held
 
 
 def _not_posix(needed: str) -> ConfigError:

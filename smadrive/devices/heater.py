@@ -71,11 +71,6 @@ class Heater:
         self._sent_a = 0.0
 
     @property
-    def armed(self) -> bool:
-        """True if the source was armed at every exchange since `arm`."""
-        return self.source.armed
-
-    @property
     def temperature_period_s(self) -> float:
         """Period in seconds of a separate thermometer; 0 when every exchange measures the temperature."""
         return 0.0 if self._thermometer is None else self._thermometer.period_s
@@ -140,11 +135,6 @@ class Heater:
                 cure="check the controller",
             )
         return measurement
-
-    def disarm(self) -> Measurement:
-        """Enter the safe state, then return a measurement."""
-        self.enter_safe_state()
-        return self.exchange(0.0)
 
     def enter_safe_state(self) -> None:
         """Set zero current and switch the heater off, confirmed by read-back.

@@ -33,7 +33,12 @@ class Memory(NamedTuple):
     @property
     def rising(self) -> bool:
         """True if the input has been rising since its last turning point."""
-        return len(self.turns) % 2 == 1
+        return is_rising(self.turns)
+
+
+def is_rising(turns: Turns) -> bool:
+    """Return True if the input has been rising since the last of `turns`."""
+    return len(turns) % 2 == 1
 
 
 class Piece(NamedTuple):
@@ -56,9 +61,8 @@ def stays(turns: Turns, end: float) -> bool:
 
     The direction of the move is the direction that the length of `turns` gives.
     """
-    count = len(turns)
-    if count % 2 == 1:
-        return count == 1 or end < turns[-2]
+    if is_rising(turns):
+        return len(turns) == 1 or end < turns[-2]
     return end > turns[-2]
 
 
@@ -69,7 +73,7 @@ def pieces(turns: Turns, end: float) -> tuple[list[Piece], Turns]:
     move wipes out ends one piece; the last piece ends at `end`.
     """
     found = []
-    rising = len(turns) % 2 == 1
+    rising = is_rising(turns)
     while len(turns) > 2 and (end >= turns[-2] if rising else end <= turns[-2]):
         found.append(Piece(turns[-1], turns[-2]))
         turns = turns[:-2]

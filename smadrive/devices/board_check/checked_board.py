@@ -9,7 +9,7 @@ from random import SystemRandom
 from typing import NamedTuple
 
 from smadrive.devices.device import Device
-from smadrive.devices.heating.board import SEQUENCES
+from smadrive.devices.heating.board import SEQUENCES, next_sequence
 from smadrive.devices.profile.readings import RegisterReading
 from smadrive.errors import DeviceError
 
@@ -51,7 +51,7 @@ class CheckedBoard:
         If `is_new` is True, the command has a new sequence number, otherwise the number of the previous command.
         """
         if is_new:
-            self._sequence = self._sequence + 1 if self._sequence + 1 in SEQUENCES else SEQUENCES[0]
+            self._sequence = next_sequence(self._sequence)
         command = {"sequence": self._sequence, "heater_current": current_a, "heater_enable": 1}
         return self.device.exchange(command, _MEASURED)
 

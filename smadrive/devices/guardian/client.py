@@ -18,7 +18,6 @@ from dataclasses import replace
 from enum import Enum, auto
 from types import TracebackType
 from typing import IO, Self
-from weakref import WeakSet
 
 from smadrive.devices.guardian.duty import relieve
 from smadrive.devices.guardian.task import FREE, GIVES_WAY, HEARTBEAT, READY, STAND_DOWN, TAKEN, WATCH, SharedLock, Task
@@ -27,7 +26,7 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at
 from smadrive.devices.state.lock import NO_DESCRIPTOR, LineLock
 from smadrive.errors import SafetyError, TakenOverError
-from smadrive.posix import after_fork_in_child
+from smadrive.posix import released_in_children
 
 STARTS_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
@@ -210,15 +209,7 @@ class GuardianClient:
         return False
 
 
-_clients: WeakSet[GuardianClient] = WeakSet()
-
-
-def _close_inherited() -> None:
-    for client in tuple(_clients):
-        client.close_inherited()
-
-
-after_fork_in_child(_close_inherited)
+_clients = released_in_children(GuardianClient.close_inherited)
 
 
 def _gone() -> SafetyError:

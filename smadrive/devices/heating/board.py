@@ -27,6 +27,12 @@ STALE_S = 0.5
 SEQUENCES = range(0x0100, 0x10000)
 """The sequence numbers. The registers next to the echo hold only smaller numbers."""
 
+
+def next_sequence(number: int) -> int:
+    """Return the sequence number after `number`. The first follows the last."""
+    return number + 1 if number + 1 in SEQUENCES else SEQUENCES[0]
+
+
 _MEASURED = (
     "sequence_echo",
     "status",
@@ -92,7 +98,7 @@ class HeaterBoard(DeviceSource[Device]):
         The echo of the sequence number proves the reply. ProtocolError when the echo differs from the number just sent:
         the measurements then belong to another exchange and are discarded.
         """
-        self._sequence = self._sequence + 1 if self._sequence + 1 in SEQUENCES else SEQUENCES[0]
+        self._sequence = next_sequence(self._sequence)
         command = {
             self._sequence_name: self._sequence,
             self._current_name: current_a,

@@ -21,13 +21,12 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple, Self
 from urllib.parse import quote
-from weakref import WeakSet
 
 from smadrive.devices.state.folder import state_dir
 from smadrive.devices.state.key import DeviceKey
 from smadrive.errors import BusyError, DataError, free_the_line
 from smadrive.files.kinds import check_regular
-from smadrive.posix import after_fork_in_child, fcntl
+from smadrive.posix import fcntl, released_in_children
 
 GUARDIAN_WITHIN_S = 10.0
 """Longest time in seconds for which a guardian, or `smadrive off`, holds the line while it switches off."""
@@ -91,16 +90,7 @@ class LineLock:
                 os.pwrite(self.descriptor, text.encode(), 0)
 
 
-_held: WeakSet[LineLock] = WeakSet()
-
-
-def _release_inherited() -> None:
-    """Close the locks in a forked child, because only its parent is the driver."""
-    for lock in tuple(_held):
-        lock.release()
-
-
-after_fork_in_child(_release_inherited)
+_held = released_in_children(LineLock.release)  # only the parent of a forked child is the driver
 
 
 def lines_of(key: DeviceKey) -> tuple[str, ...]:

@@ -17,11 +17,10 @@ from collections.abc import Iterable
 from contextlib import suppress
 from types import TracebackType
 from typing import Self
-from weakref import WeakSet
 
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, alternative_names, peer_of
 from smadrive.errors import STOPPED, BusyError, StoppedError, free_the_line
-from smadrive.posix import after_fork_in_child
+from smadrive.posix import released_in_children
 
 BACKLOG = 16
 MOST_ASKERS = 64
@@ -165,15 +164,7 @@ class StopListener:
                 signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
 
-_listeners: WeakSet[StopListener] = WeakSet()
-
-
-def _close_inherited() -> None:
-    for listener in tuple(_listeners):
-        listener.close_inherited()
-
-
-after_fork_in_child(_close_inherited)
+_listeners = released_in_children(StopListener.close_inherited)
 
 
 def _shut(one: socket.socket) -> None:

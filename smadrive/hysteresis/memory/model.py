@@ -29,7 +29,7 @@ from smadrive.hysteresis.certificate import Certificate
 from smadrive.hysteresis.memory.plane import PreisachPlane
 from smadrive.hysteresis.memory.trajectory import plane_states
 from smadrive.hysteresis.model import HysteresisModel, HysteresisState
-from smadrive.hysteresis.turning_points import MOST_TURNS, Memory, pieces, reversed_at, stays
+from smadrive.hysteresis.turning_points import MOST_TURNS, Memory, is_rising, pieces, reversed_at, stays
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.scalars import real_number
 
@@ -106,7 +106,7 @@ class TSFuzzyPreisach(HysteresisModel):
         """Return dy/dv at `state`, for an input that rises (direction > 0) or falls."""
         local, _, turns, _ = state.memory or _memory(state)
         v, rising = state.v, direction > 0
-        plane = self.plane.slope(v, turns[-1] if rising == (len(turns) % 2 == 1) else v, rising)
+        plane = self.plane.slope(v, turns[-1] if rising == is_rising(turns) else v, rising)
         if self._is_plane:
             return self.scale * plane
         return self.scale * (self._rest * self._engine.slope(local, v, rising) + self.share * plane)
@@ -144,7 +144,7 @@ class TSFuzzyPreisach(HysteresisModel):
             return memory
         local, plane, turns, dropped = memory
         rising = v1 > v0
-        if rising != (len(turns) % 2 == 1):
+        if rising != is_rising(turns):
             dropped += 2 * (len(turns) >= MOST_TURNS)
             turns = reversed_at(turns, v0)
         if stays(turns, v1):

@@ -20,7 +20,7 @@ from math import exp
 import numpy as np
 
 from smadrive.hysteresis import PreisachPlane, TSFuzzyPreisach
-from smadrive.hysteresis.turning_points import Turns, pieces, reversed_at
+from smadrive.hysteresis.turning_points import Turns, is_rising, pieces, reversed_at
 from smadrive.identification.reshape import moved_plane, shape_of
 from smadrive.numerics.arrays import FloatArray
 
@@ -48,7 +48,7 @@ class PlaneState:
         v = self._inside(v)
         if v == self._v:
             return
-        if (v > self._v) != (len(self._turns) % 2 == 1):
+        if (v > self._v) != is_rising(self._turns):
             self._turns = reversed_at(self._turns, self._v)
         _, self._turns = pieces(self._turns, v)
         self._v = v

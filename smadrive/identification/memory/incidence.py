@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from smadrive.hysteresis.turning_points import Turns, pieces, reversed_at
+from smadrive.hysteresis.turning_points import Turns, is_rising, pieces, reversed_at
 from smadrive.numerics.arrays import FloatArray
 
 
@@ -37,7 +37,7 @@ class PlaneGrid:
         weights = self._state_weights(float(v[0]), turns)
         rows = np.empty((len(v), weights.size))
         rows[0] = weights
-        upward, inputs = len(turns) % 2 == 1, v.tolist()
+        upward, inputs = is_rising(turns), v.tolist()
         for sample, (start, end) in enumerate(pairwise(inputs), start=1):
             if end != start:
                 if (end > start) != upward:

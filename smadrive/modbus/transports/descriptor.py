@@ -15,13 +15,12 @@ import select
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from typing import ClassVar, NoReturn, Protocol, Self
-from weakref import WeakSet
 
 from smadrive.clock import MonotonicClock
 from smadrive.errors import TransportError
 from smadrive.modbus.framing.framing import Framing
 from smadrive.modbus.transports.transport import PortAccess
-from smadrive.posix import after_fork_in_child
+from smadrive.posix import released_in_children
 
 _CHUNK = 512
 _MOST_READS = 64
@@ -179,12 +178,4 @@ class DescriptorTransport(ABC):
         raise TransportError("the connection is lost", where=self.name, value=error, cure=self.cure) from None
 
 
-_transports: WeakSet[DescriptorTransport] = WeakSet()
-
-
-def _close_inherited() -> None:
-    for transport in tuple(_transports):
-        transport.close_inherited()
-
-
-after_fork_in_child(_close_inherited)
+_transports = released_in_children(DescriptorTransport.close_inherited)

@@ -47,7 +47,7 @@ def test_driver_heats_over_a_real_port(tmp_path):
             board.arm(5.0)
             board.exchange(0.4)
             assert board.exchange(0.4).armed
-            board.disarm()
+            board.enter_safe_state()
         assert finish(process, signal.SIGTERM) == 0
         assert not link.is_symlink()
         log = process.stderr.read()

@@ -154,7 +154,7 @@ def test_driver_heats_through_either_protocol(option):
             board.arm(5.0)
             board.exchange(0.4)
             assert board.exchange(0.4).armed
-            board.disarm()
+            board.enter_safe_state()
         process.send_signal(signal.SIGTERM)
         assert process.wait(300) == 0
         assert [line.split(" s ")[1] for line in process.stderr.read().splitlines()] == [

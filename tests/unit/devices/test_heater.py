@@ -121,7 +121,7 @@ def test_silence_of_the_driver_turns_the_heater_off(heater, run, rig, clock):
     after = heater.exchange(0.3)
     assert after.device_faults == ("watchdog",)
     assert not after.armed
-    assert not heater.armed
+    assert not heater.source.armed
 
 
 def test_a_fault_needs_an_explicit_clear_and_a_new_arming(heater, run, rig, clock):
@@ -195,7 +195,7 @@ def test_restarted_device_is_not_heated(heater, run, rig):
     rig.power_cycle()
     last = run(0.3, 0.2)[-1]
     assert not last.armed
-    assert not heater.armed
+    assert not heater.source.armed
     assert rig.firmware.current_a == 0.0
 
 
@@ -294,11 +294,12 @@ def test_sequence_starts_at_random_above_the_registers_next_to_its_echo(rig, clo
     assert SEQUENCES[0] > 0b1111111  # every fault bit of map version 1
 
 
-def test_disarming_ends_with_zero_current_confirmed(heater, run, rig):
+def test_safe_state_ends_with_zero_current_confirmed(heater, run, rig):
     heater.connect()
     heater.arm(0.5)
     run(0.4, 0.5)
-    assert not heater.disarm().armed
+    heater.enter_safe_state()
+    assert not heater.exchange(0.0).armed
     assert rig.firmware.current_a == 0.0
     assert rig.bench.events[-1].endswith("disarmed")
 

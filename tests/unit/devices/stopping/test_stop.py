@@ -170,10 +170,13 @@ def test_many_connections_leave_the_driver_its_descriptors(driver, line):
 
 
 def test_forked_child_of_a_driver_does_not_keep_its_line(line):
+    fork = multiprocessing.get_context("fork")
+    runs = fork.Event()
     with StopListener("driver") as listener, lock_line(line, Role.DRIVER):
         listener.listen(line, [line])
-        child = multiprocessing.get_context("fork").Process(target=time.sleep, args=(60,))
+        child = fork.Process(target=lambda: (runs.set(), time.sleep(60)))
         child.start()
+        runs.wait()
     try:
         assert stop_driver(line) is None
         with StopListener("driver") as again, lock_line(line, Role.DRIVER):
