@@ -87,7 +87,7 @@ def _calibrate(output: Output, port: str, held: HeldCurrent) -> None:
     with output.progress("calibrating the board"):
         gains = calibrate_board_at(port, held)
     output.table(("register", "value"), [(name, f"{gain:.4f}") for name, gain in gains.items()])
-    output.say(f"{port}: calibrated, and saved")
+    output.say(f"{port}: calibrated, and saved; record a new log before the next calibration")
     output.result({"port": port, **gains})
 
 

@@ -220,7 +220,7 @@ class Heater:
             host_limits=limits,
             armed=supplied.armed
             and self.source.armed,  # a source that switched on again by itself does not count as armed
-            in_force_a=in_force_a,
+            in_force_a=in_force_a if supplied.setting_a is None else supplied.setting_a,
             temperature_age_s=now_s - temperature.time_s,
             displacement_age_s=now_s - displacement.time_s,
             supply_fault=supplied.problem,

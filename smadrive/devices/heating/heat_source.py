@@ -52,6 +52,7 @@ class Supplied(NamedTuple):
     limits                       names of the limits of the device that lower the current
     temperature, displacement    None if the source does not measure the quantity
     problem                      reason why current or voltage is unknown; None if both are known
+    setting_a                    current setting of this period, read back; None if the source does not report it
     """
 
     current_a: float = nan
@@ -62,6 +63,7 @@ class Supplied(NamedTuple):
     temperature: Sample | None = None
     displacement: Sample | None = None
     problem: str | None = None
+    setting_a: float | None = None
 
 
 class HeatSource(Protocol):

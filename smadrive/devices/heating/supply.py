@@ -92,6 +92,7 @@ class BenchSupply(DeviceSource[Device]):
             self._faults(readings),
             ("voltage",) if on and self._limits_voltage(readings, voltage_v) else (),
             problem=problem_of(readings, self._measured),
+            setting_a=readings[self._names["heater_current"]].value,
         )
 
     def enter_safe_state(self) -> None:

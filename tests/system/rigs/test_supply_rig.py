@@ -284,6 +284,18 @@ def test_command_is_rounded_down_to_a_step_of_the_supply(bench, steps):
         assert bench.devices["supply"].firmware.set_a == pytest.approx(int(steps) * step_a)
 
 
+def test_lost_exchange_leaves_the_earlier_current_in_force(bench):
+    with bench.rig as rig:
+        rig.heater.arm(1.0)
+        bench.heat(rig, 0.25, 2)
+        bench.devices["supply"].faults.drop(10)
+        with pytest.raises(DeadlineError):
+            bench.heat(rig, 0.05, 1)
+        bench.devices["supply"].faults.clear()
+        (after,) = bench.heat(rig, 0.05, 1)
+        assert after.in_force_a == pytest.approx(after.current_a, abs=0.01)
+
+
 def test_supply_too_small_for_the_limit_is_not_armed():
     config = rig_of(devices(supply={"profile": "juntek-dpm86xx"}), current_max_a=5.5, voltage_max_v=120.0)
     with pytest.raises(ConfigError) as error, Rig(config) as rig:
