@@ -40,7 +40,7 @@ _INVERTIBLE = 0.999
 
 
 _CLOSEST = 1e-6
-"""The least distance of two thresholds that are moved to an end of the input range, as a share of the range."""
+"""Least distance of two thresholds or centres that are moved to an end of the input range, as a share of the range."""
 
 
 class BranchShape(NamedTuple):
@@ -165,10 +165,10 @@ def _last(allowed: np.ndarray) -> int:
     return int(np.flatnonzero(allowed)[-1])
 
 
-def _within(thresholds: FloatArray, ends: tuple[float, float]) -> FloatArray:
-    """Return the thresholds, limited to the range `ends` and still ascending."""
-    steps = _CLOSEST * (ends[1] - ends[0]) * np.arange(len(thresholds))
-    return np.asarray(np.clip(thresholds, ends[0] + steps, ends[1] - steps[::-1]))
+def _within(places: FloatArray, ends: tuple[float, float]) -> FloatArray:
+    """Return thresholds or centres, limited to the range `ends` and still ascending."""
+    steps = _CLOSEST * (ends[1] - ends[0]) * np.arange(len(places))
+    return np.asarray(np.clip(places, ends[0] + steps, ends[1] - steps[::-1]))
 
 
 def _check(model: IdentifiedModel, shape: BranchShape) -> None:
@@ -212,7 +212,7 @@ def _moved_mixture(mixture: GaussianMixture, move: _Move) -> GaussianMixture:
 
 def _moved_rules(model: TSFuzzyDuhem, heating: _Move, cooling: _Move) -> _Rules:
     old = np.array(model.sets.centres)
-    centres = np.clip((heating.forth(old) + cooling.forth(old)) / 2, *model.input_range)
+    centres = _within((heating.forth(old) + cooling.forth(old)) / 2, model.input_range)
 
     def law(values: Law, move: _Move) -> Law:
         a, b = (np.interp(move.back(centres), old, part) / move.stretch for part in values)

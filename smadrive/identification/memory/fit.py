@@ -2,9 +2,10 @@
 
 There are three candidates: rules without memory, a Preisach plane alone, and both in parallel. Each is fitted twice,
 and each time another third of the loops is held out. The inputs of held-out loops stay in the path, because the state
-of the wire depends on the whole path, but their outputs are hidden from the fit. Memory must reduce the error on these
-loops clearly, because a plane has hundreds of masses. Rules and plane in parallel must also explain the whole record
-much better than the plane alone, because few loops do not tell the two parts apart.
+of the wire depends on the whole path, but their outputs count for nothing in the errors that a fit reduces. Only the
+places of sets and thresholds, and the start of the fit, also follow from the outputs of held-out loops. Memory must
+reduce the error on these loops clearly, because a plane has hundreds of masses. Rules and plane in parallel must also
+explain the whole record much better than the plane alone, because few loops do not tell the two parts apart.
 
 A one-sided record has no heating curve that begins inside the loop. On such a record the plane may have a larger
 error than the rules, because measured wires nearly return to their turning points (return-point memory, Mayergoyz

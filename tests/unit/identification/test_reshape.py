@@ -60,6 +60,16 @@ def test_moving_back_gives_the_same_rules(rules):
     assert same.heating_law[0] == pytest.approx(rules.heating_law[0], rel=1e-6, abs=1e-9)
 
 
+def test_sets_that_leave_the_range_stay_apart():
+    model = DuhemModel.gaussian(
+        mu_heating=90.0, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(20.0, 130.0)
+    )
+    even = TSFuzzyDuhem.from_duhem(model, TriangularSets(tuple(np.linspace(20.0, 130.0, 11).tolist())))
+    shape = shape_of(even)
+    moved = reshaped(even, shape._replace(mu_heating=shape.mu_heating + 11.0, mu_cooling=shape.mu_cooling + 11.0))
+    assert shape_of(moved).mu_heating == pytest.approx(shape.mu_heating + 11.0, abs=0.5)
+
+
 def test_falling_output_keeps_its_sign(rules):
     falling = TSFuzzyDuhem(
         TriangularSets(rules.sets.centres),
