@@ -9,7 +9,6 @@ from __future__ import annotations
 from firmware_sim.board.emulator.microcontroller import HZ, Microcontroller, Sent
 from smadrive.modbus.framing import rtu
 
-BAUDRATE = 115200
 FRAME_PAUSE_CYCLES = HZ * 175 // 100_000
 """A silence longer than this, 1.75 ms, separates two frames."""
 PATIENCE_CYCLES = HZ // 100
