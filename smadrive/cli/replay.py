@@ -19,7 +19,7 @@ from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 
 
 def main(
-    log_file: Annotated[Path, typer.Argument(metavar="LOG", help="Log (.h5) of `run` or `excite`.")],
+    log_file: Annotated[Path, typer.Argument(metavar="LOG", help="Log (.h5) of `run`, `excite` or `heat`.")],
     model: Annotated[
         Path | None, typer.Option(help="Model file for the replay; the model in the log by default.")
     ] = None,

@@ -6,30 +6,14 @@ this process. At every use of a port, the driver writes a byte to the guardian t
     w   watch: heating begins        b   heartbeat: the driver lives       r   stand down: no guardian is needed now
     g   give way: the driver has learnt of the take-over and has closed its connections
 
-The guardian answers `w` and `b` with `e` (echo), so that the driver knows that the guardian lives. While the guardian
-watches, a silence of `timeout_s` or the end of the pipe means that the driver is dead or stands still. Then the
-guardian opens the port itself and writes the safe state until the device has confirmed it (states.py has the table).
+The guardian answers `w` and `b` with `e` (echo), so that the driver knows that the guardian lives. A silence of
+`timeout_s`, or the end of the pipe, means that the driver stands still or is dead. states.py has the states of the
+guardian and what it does in each of them.
 
 Two clients on one line would take each other's replies for their own. So the guardian writes `t` (taken over) to the
 driver through another pipe. A driver that only stood still reads `t` when it wakes, before it uses a port. Then it
-closes its connections, sends `g`, then `r`, and waits. The guardian confirms the safe state once more, because the
-driver may have sent one last command. Then the guardian answers `r` with `f` (free): the driver may use the ports, and
-the guardian is ready to watch again.
-
-The guardian can open a serial port while a driver that stands still has it open; the guardian shares that driver's lock
-of the line (lock.py). A device or gateway behind a socket may accept only one client, which is the driver as long as
-the driver lives. If the guardian cannot connect to it, the guardian waits `timeout_s` more. A driver that wakes during
-this time gives way. If both processes stood still, the driver has this time, too: after the guardian wakes, its
-interrupted wait continues for the remaining time. If the driver stays silent, the guardian kills the driver process
-(SIGKILL), with all its threads, and uses the free connection. The guardian cannot distinguish an unplugged device from
-an occupied device, so it kills the driver in both cases: a living driver could take the connection when the device is
-plugged in again. The guardian kills the driver only while the driver is its parent process: after the end of the
-driver, the process id of the driver may belong to another program.
-
-When the driver has ended and the device cannot be reached, the guardian waits for the device without limit, at the
-ports that search.py lists. It prints the next step for the user, and does not occupy the line between attempts. It ends
-when the device has confirmed the safe state, when another driver or `smadrive off` has confirmed the same device off
-(duty.py), or when the pseudo-terminal of the device has ended.
+closes its connections, sends `g`, then `r`, and waits. When the guardian has confirmed the safe state once more, it
+answers `r` with `f` (free): the driver may use the ports, and the guardian is ready to watch again.
 
     python -m smadrive.devices.guardian.process
 
@@ -104,7 +88,10 @@ class DriverProcess:
         return SIGNALS.get(data[-1:], DriverSignal.HEARTBEAT) if data else DriverSignal.CLOSED
 
     def end(self) -> None:
-        """Kill the driver if it is still the parent process."""
+        """Kill the driver with SIGKILL if it is still the parent process.
+
+        After the end of the driver, its process id may belong to another program.
+        """
         if os.getppid() == self.pid:
             _print(f"the driver gives no sign of life and may hold the only connection: ending it (process {self.pid})")
             with contextlib.suppress(OSError):

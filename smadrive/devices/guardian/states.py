@@ -12,6 +12,12 @@
     WAITING_FOR_DEVICE   the driver has ended; the heater has not been confirmed off since then
     DONE                 the guardian ends
 
+The guardian can open a serial port while a driver that stands still has it open. A device or gateway behind a socket
+may accept only one client, which is the driver as long as it lives. The guardian cannot distinguish this from an
+unplugged device, so it kills the driver in both cases: a living driver could take the connection when the device is
+plugged in again. If both processes stood still, the wait in BARRED continues after the guardian wakes, so the driver
+has time to give way.
+
 In the states of `ATTEMPTS` the guardian tries to switch the heater off, then listens to the driver; in the other
 states it only listens. The table has an entry for every event that can occur in a state.
 """
