@@ -10,7 +10,7 @@ phase. If the resistance is not usable, the identified wire has none.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Self, get_args
+from typing import Literal, NamedTuple, Self
 
 from numpy.typing import ArrayLike
 
@@ -32,8 +32,8 @@ from smadrive.wire.recorded_loops import recorded_sections
 from smadrive.wire.wire_model import WireModel
 
 Kind = Literal["tsfuzzy", "duhem"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
-
+MODELS: dict[Kind, str] = {"tsfuzzy": "T-S fuzzy", "duhem": "Duhem"}
+"""The model of each kind in messages."""
 OWNERS: dict[str, Kind] = {"sets": "tsfuzzy", "memory": "tsfuzzy", "components": "duhem"}
 """The kind of model that has each setting."""
 
@@ -69,13 +69,14 @@ class FitSettings(NamedTuple):
         ConfigError for an unknown kind, for a setting that the kind does not have, and for a number outside its limits.
         `prefix` precedes the names of the settings in these errors: "--" for the options of a command.
         """
-        if kind not in KINDS:
-            cure = suggestion_or_list(str(kind), KINDS)
+        if kind not in MODELS:
+            cure = suggestion_or_list(str(kind), tuple(MODELS))
             raise ConfigError("unknown", where=f"{prefix}kind", value=repr(kind), cure=cure)
         given = {"sets": sets, "memory": memory, "components": components}
         for name, value in given.items():
             if value is not None and kind != OWNERS[name]:
-                what, cure = f"only a {OWNERS[name]} model has this", f"leave it out, or choose the kind {OWNERS[name]}"
+                owner = OWNERS[name]
+                what, cure = f"only a {MODELS[owner]} model has this", f"leave it out, or choose the kind {owner}"
                 raise ConfigError(what, where=f"{prefix}{name}", value=value, cure=cure)
         if sets is not None:
             whole_number(sets, f"{prefix}sets", "fuzzy sets", *SETS)

@@ -18,6 +18,7 @@ from dataclasses import replace
 from enum import Enum, auto
 from types import TracebackType
 from typing import IO, Self
+from weakref import WeakSet
 
 from smadrive.devices.guardian.duty import relieve
 from smadrive.devices.guardian.task import FREE, GIVES_WAY, HEARTBEAT, READY, STAND_DOWN, TAKEN, WATCH, SharedLock, Task
@@ -209,7 +210,7 @@ class GuardianClient:
         return False
 
 
-_clients = released_in_children(GuardianClient.close_inherited)
+_clients: WeakSet[GuardianClient] = released_in_children(lambda one: one.close_inherited())
 
 
 def _gone() -> SafetyError:

@@ -17,6 +17,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from types import TracebackType
 from typing import Self
+from weakref import WeakSet
 
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, alternative_names, peer_of
 from smadrive.errors import STOPPED, BusyError, StoppedError, free_the_line
@@ -164,7 +165,7 @@ class StopListener:
                 signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
 
-_listeners = released_in_children(StopListener.close_inherited)
+_listeners: WeakSet[StopListener] = released_in_children(lambda one: one.close_inherited())
 
 
 def _shut(one: socket.socket) -> None:

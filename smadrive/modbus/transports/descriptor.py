@@ -15,6 +15,7 @@ import select
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from typing import ClassVar, NoReturn, Protocol, Self
+from weakref import WeakSet
 
 from smadrive.clock import MonotonicClock
 from smadrive.errors import TransportError
@@ -178,4 +179,4 @@ class DescriptorTransport(ABC):
         raise TransportError("the connection is lost", where=self.name, value=error, cure=self.cure) from None
 
 
-_transports = released_in_children(DescriptorTransport.close_inherited)
+_transports: WeakSet[DescriptorTransport] = released_in_children(lambda one: one.close_inherited())
