@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from smadrive.display.ascii_text import ascii_text
 from smadrive.display.card import card, quantity
-from smadrive.display.line_plot import Curve, line_plot
+from smadrive.display.colours import MEASURED
+from smadrive.display.line_plot import INK, Curve, line_plot
 from smadrive.errors import ConfigError
 from smadrive.files.spelling import suggestion_or_list
 from smadrive.runs.columns import COLUMNS
@@ -25,7 +26,7 @@ from smadrive.runs.log.reader import read_log as read_log_file
 from smadrive.runs.metrics.caveats import run_caveats
 from smadrive.runs.metrics.run import RunMetrics, run_metrics
 from smadrive.runs.metrics.tracking_error import has_setpoint
-from smadrive.runs.plot_style import MEASURED, PlotFigure
+from smadrive.runs.plot_style import PlotFigure
 from smadrive.scripting.arguments import path_text
 from smadrive.scripting.loop.messages import DrivenRun
 
@@ -193,7 +194,7 @@ class Run:
         name = "displacement_mm" if np.isfinite(self["displacement_mm"]).any() else "temperature_c"
         curves = [Curve(time_s, self[name].tolist(), "measured", MEASURED)]
         if has_setpoint(self.log) and name == "displacement_mm":
-            curves.append(Curve(time_s, self["setpoint_mm"].tolist(), "setpoint", "currentColor", is_dashed=True))
+            curves.append(Curve(time_s, self["setpoint_mm"].tolist(), "setpoint", INK, is_dashed=True))
         return line_plot(curves, COLUMNS["time_s"].axis_label, COLUMNS[name].axis_label)
 
 

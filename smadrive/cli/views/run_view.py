@@ -23,7 +23,7 @@ from smadrive.runs.run_log import TickRecorder
 DRAWN_PER_S = 5
 BAR = 40
 """Greatest length of the progress bar, in characters."""
-NAME, VALUE, GAP = 12, 11, 3
+NAME, VALUE, GAP = 13, 11, 2
 """Widths of a name, of its value, and of the gap to the next name, in characters."""
 WIDE = 120
 """Width of a terminal that shows every row in one line, in characters."""
@@ -62,7 +62,7 @@ class RunView:
         self._add_progress(text, tick.time_s, width)
         self._add_values(text, tick, width)
         if tick.measurement.device_faults:
-            text.append(f"\nfaults       {', '.join(tick.measurement.device_faults)}", "bold red")
+            text.append(f"\n{'faults':<{NAME}} {', '.join(tick.measurement.device_faults)}", "bold red")
         for event in tuple(self._recorder.latest):
             text.append(f"\n{event.time_s:.2f} s: {event.message}", "yellow")
         return text
@@ -84,10 +84,10 @@ class RunView:
         limits = ", ".join(measured.device_limits + measured.host_limits)
         temperature = measured.temperature_fault or number(measured.temperature_c, 1, "°C")
         values = (
-            ("reference", number(command.setpoint_mm, 3, "mm")),
+            ("setpoint", number(command.setpoint_mm, 3, "mm")),
             ("displacement", number(measured.displacement_mm, 3, "mm")),
             ("error", number(command.setpoint_mm - measured.displacement_mm, 3, "mm")),
-            ("setpoint", number(command.setpoint_c, 1, "°C")),
+            ("wire setpoint", number(command.setpoint_c, 1, "°C")),
             ("temperature", temperature),
             ("late", f"{1e3 * tick.late_s:.1f} ms"),
             ("current", number(measured.current_a, 3, "A")),

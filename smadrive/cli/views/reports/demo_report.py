@@ -7,21 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from smadrive.display.colours import COOLING, ESTIMATED, FAINT, HEATING, MEASURED, SETPOINT
 from smadrive.identification.wire import WireFit
 from smadrive.runs.figures.log_plots import NOT_SCORED, draw_error
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.run import TrackingMetrics
-from smadrive.runs.plot_style import (
-    COOLING,
-    ESTIMATED,
-    FAINT,
-    HEATING,
-    MEASURED,
-    SETPOINT,
-    legend,
-    line,
-    panels,
-)
+from smadrive.runs.plot_style import legend, line, panels
 from smadrive.runs.report import Grid, Notes, Plot, write_report
 
 ArmView = tuple[str, Log, TrackingMetrics]
