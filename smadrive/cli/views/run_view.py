@@ -17,6 +17,7 @@ from rich.live import Live
 from rich.text import Text
 
 from smadrive.control.loop import Tick, TickHandler
+from smadrive.display.card import quantity
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 
@@ -81,17 +82,17 @@ class RunView:
 
     def _add_values(self, text: Text, tick: Tick, width: int) -> None:
         measured, command = tick.measurement, tick.command
-        limits = ", ".join(measured.device_limits + measured.host_limits)
-        temperature = measured.temperature_fault or number(measured.temperature_c, 1, "°C")
+        limits = ", ".join(measured.limits)
+        temperature = measured.temperature_fault or quantity(measured.temperature_c, 1, "°C")
         values = (
-            ("setpoint", number(command.setpoint_mm, 3, "mm")),
-            ("displacement", number(measured.displacement_mm, 3, "mm")),
-            ("error", number(command.setpoint_mm - measured.displacement_mm, 3, "mm")),
-            ("wire setpoint", number(command.setpoint_c, 1, "°C")),
+            ("setpoint", quantity(command.setpoint_mm, 3, "mm")),
+            ("displacement", quantity(measured.displacement_mm, 3, "mm")),
+            ("error", quantity(command.setpoint_mm - measured.displacement_mm, 3, "mm")),
+            ("wire setpoint", quantity(command.setpoint_c, 1, "°C")),
             ("temperature", temperature),
             ("late", f"{1e3 * tick.late_s:.1f} ms"),
-            ("current", number(measured.current_a, 3, "A")),
-            ("limit", number(self._current_max_a, 3, "A")),
+            ("current", quantity(measured.current_a, 3, "A")),
+            ("limit", quantity(self._current_max_a, 3, "A")),
             ("limited by", limits or "nothing"),
         )
         in_a_row = min(max((width + GAP) // (NAME + 1 + VALUE + GAP), 1), 3)
@@ -138,8 +139,3 @@ def drawing(view: RichCast, console: Console) -> Iterator[None]:
         sys.setswitchinterval(before_s)
         with suppress(OSError):
             live.stop()
-
-
-def number(value: float, digits: int, unit: str) -> str:
-    """Return a value with its unit, or a dash for NaN."""
-    return f"{value:.{digits}f} {unit}" if isfinite(value) else "–"
