@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from smadrive.campaigns.execution.cluster import check_dask, local_client, remote_client, threads_of, usable_cores
+from smadrive.campaigns.execution.cluster import local_client, remote_client, threads_of, usable_cores
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.campaign_view import (
     CampaignView,
@@ -19,6 +19,7 @@ from smadrive.cli.views.campaign_view import (
     result_object,
 )
 from smadrive.errors import ConfigError
+from smadrive.files.extras import check_extra
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -49,7 +50,7 @@ def main(
     Everything is simulated in virtual time. Ctrl-C ends the command, and --resume goes on with the remaining runs. The
     same file and seed give the same table, to the last bit, whatever the number of workers.
     """
-    check_dask()
+    check_extra("campaign", "smadrive campaign")
     if scheduler is not None and workers is not None:
         cure = "leave one of the two out: --scheduler uses the workers of that cluster"
         raise ConfigError("not together with --scheduler", where="--workers", value=workers, cure=cure)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from smadrive.cli.live.page import check_bokeh, check_real_time
+from smadrive.cli.live.page import check_real_time
 from smadrive.cli.live.publishing import OFF_BY_MQTT, Publish, open_publication
 from smadrive.cli.parsing.options import PAGE_PORT, RigFile, model_file
 from smadrive.cli.terminal.output import AsJson, Output, make_folder
@@ -24,6 +24,7 @@ from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
+from smadrive.files.extras import check_extra
 from smadrive.hysteresis import HysteresisModel
 from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.config import LimitsConfig, RigConfig, load_rig, rig_file
@@ -70,7 +71,7 @@ def main(
 
     The session is logged in a new file, whose name is printed at the end.
     """
-    check_bokeh()
+    check_extra("tune", "smadrive tune")
     output = Output(as_json)
     config = load_rig(rig)
     wire = load_wire(model_file(config, model))

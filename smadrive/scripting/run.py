@@ -17,6 +17,7 @@ from smadrive.display.card import card, quantity
 from smadrive.display.colours import MEASURED
 from smadrive.display.line_plot import INK, Curve, line_plot
 from smadrive.errors import ConfigError
+from smadrive.files.extras import install_cure
 from smadrive.files.spelling import suggestion_or_list
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.cycling.cycles import CycleMetrics, cycles_of
@@ -151,9 +152,7 @@ class Run:
         try:
             import xarray  # noqa: PLC0415 (not a dependency)
         except ImportError:
-            raise ConfigError(
-                "xarray is not installed", where="to_xarray", cure="install it with `pip install xarray`"
-            ) from None
+            raise ConfigError("xarray is not installed", where="to_xarray", cure=install_cure("xarray")) from None
         data = {
             name: ("time_s", self[name], {"units": COLUMNS[name].unit, "long_name": COLUMNS[name].label})
             for name in self.columns
