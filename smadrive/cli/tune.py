@@ -22,7 +22,7 @@ from smadrive.cli.terminal.output import AsJson, Output, make_folder
 from smadrive.cli.views.tune_view import TuneView, watched
 from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
-from smadrive.control.references.shapes import sine
+from smadrive.control.references.slow_sine import slow_sine, slow_sine_name
 from smadrive.errors import ConfigError
 from smadrive.files.extras import check_extra
 from smadrive.hysteresis import HysteresisModel
@@ -43,9 +43,6 @@ from smadrive.wire.wire_properties import WireProperties
 
 if TYPE_CHECKING:
     from smadrive.telemetry.publication import Publication
-
-LOW, HIGH, PERIOD_S = 0.2, 0.8, 56.0
-"""The default reference, a slow sine: its ends as shares of the travel from the cold end, and its period in s."""
 
 
 def main(
@@ -160,8 +157,4 @@ def _references(given: list[str], wire: HysteresisModel, limits: LimitsConfig) -
     for one in references.values():
         one.check_within(travel)
         check_rig_limits(one.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
-    if references:
-        return references
-    low_mm, high_mm = travel.at_mm(LOW), travel.at_mm(HIGH)
-    name = f"sine {low_mm:.1f} to {high_mm:.1f} mm, {PERIOD_S:g} s"
-    return {name: sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=1)}
+    return references or {slow_sine_name(travel): slow_sine(travel, cycles=1.0)}
