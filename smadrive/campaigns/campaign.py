@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, NamedTuple
 from smadrive.campaigns.execution.journal import Journal
 from smadrive.campaigns.execution.scheduling import Finished, naming_a_lost_scheduler, run_all
 from smadrive.campaigns.experiments.run import logged_run
+from smadrive.campaigns.experiments.simulated_rig import check_disturbance
 from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.campaigns.results.report import write_campaign_report
-from smadrive.campaigns.results.summary import worst_first
+from smadrive.campaigns.results.summary import check_report, worst_first
 from smadrive.campaigns.results.table import EFFORT, RESULTS, effort_table, results_table, write_table
 from smadrive.files.atomic import replacing
 
@@ -31,12 +32,24 @@ Step = Callable[[str], None]
 
 
 class CampaignResult(NamedTuple):
-    """The table of a finished campaign, its digest, the page, and the logs of the worst runs by their numbers."""
+    """A finished campaign: its table with file and digest, the page, and the logs of the worst runs by number."""
 
     table: DataFrame
+    table_file: Path
     digest: str
     report_file: Path
     logs: dict[int, Path]
+
+
+def check_plan(plan: CampaignPlan) -> None:
+    """Raise ConfigError if the settings of a run are wrong, a file is missing, or a fault or column is unknown."""
+    check_report(plan)
+    checked: set[str] = set()
+    for run in plan.sample():
+        if run.settings.experiment != "fit" and run.disturbance and run.settings.disturbance not in checked:
+            check_disturbance(run)
+            checked.add(run.settings.disturbance)
+    plan.check_files()
 
 
 def conduct(
@@ -50,13 +63,14 @@ def conduct(
     with replacing(journal.folder / COPY) as partial:
         partial.write_text(plan.text, encoding="utf-8")
     table = results_table(plan, journal.results)
-    digest = write_table(table, journal.folder / RESULTS)
+    table_file = journal.folder / RESULTS
+    digest = write_table(table, table_file)
     write_table(effort_table(journal.results), journal.folder / EFFORT)
     step("logs of the worst runs")
     logs = write_worst_logs(client, plan, table, journal.folder / LOGS)
     step("report")
     write_campaign_report(journal.folder / PAGE, plan, table, digest, logs)
-    return CampaignResult(table, digest, journal.folder / PAGE, logs)
+    return CampaignResult(table, table_file, digest, journal.folder / PAGE, logs)
 
 
 def write_worst_logs(client: Client, plan: CampaignPlan, table: DataFrame, folder: Path) -> dict[int, Path]:

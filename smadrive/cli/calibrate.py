@@ -16,20 +16,18 @@ from smadrive.errors import ConfigError, DataError
 from smadrive.files.number_text import parse_number, with_decimal_point
 from smadrive.identification.calibration import CalibrationFit, CalibrationPoint, check_values_apart, fit_calibration
 from smadrive.rig.calibration.description import descriptions, today
-from smadrive.rig.calibration.reading import UNITS, check_measured, check_reading, read_steadily
+from smadrive.rig.calibration.reading import (
+    QUANTITIES,
+    CalibratedQuantity,
+    check_measured,
+    check_reading,
+    read_steadily,
+)
 from smadrive.rig.calibration.rig_file import check_own_file, store_calibration
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.wire.boiling_point import STANDARD_HPA, boiling_point_c
 from smadrive.wire.cold_wire import calibration_caveats
-
-SUFFIXES = {"temperature": "c", "displacement": "mm"}
-VALUE_UNCERTAINTIES = {"temperature": 0.1, "displacement": 0.01}
-"""Default of --value-uncertainty, the standard uncertainty of a known value: a stirred bath in °C, a gauge in mm."""
-
-
-KNOWN_VALUES = {"temperature": (-100.0, 600.0), "displacement": (-1e4, 1e4)}
-"""The allowed range of known values, in °C and mm."""
 
 
 class CalibratedSensor(StrEnum):
@@ -37,6 +35,11 @@ class CalibratedSensor(StrEnum):
 
     TEMPERATURE = "temperature"
     DISPLACEMENT = "displacement"
+
+    @property
+    def quantity(self) -> CalibratedQuantity:
+        """The quantity that the sensor measures."""
+        return QUANTITIES[self]
 
 
 def main(
@@ -64,7 +67,7 @@ def main(
     config = load_rig(rig)
     check_own_file(path)
     values = [_value(text, sensor, pressure_hpa) for text in point]
-    uncertainty = VALUE_UNCERTAINTIES[sensor] if value_uncertainty is None else value_uncertainty
+    uncertainty = sensor.quantity.value_uncertainty if value_uncertainty is None else value_uncertainty
     raw = config.calibration.model_copy(update={sensor.value: None})
     check_values_apart(values, uncertainty)
     closed_rig = Rig(config.model_copy(update={"calibration": raw}))
@@ -95,7 +98,7 @@ def main(
 def _value(text: str, sensor: CalibratedSensor, pressure_hpa: float) -> float:
     """Return the known value of a point, in °C or mm.
 
-    ConfigError if `text` is neither a number within `KNOWN_VALUES` nor, for a temperature, `ice` or `boiling`.
+    ConfigError if `text` is neither a number in the range of known values nor, for a temperature, `ice` or `boiling`.
     """
     named = {"ice": 0.0, "boiling": boiling_point_c(pressure_hpa)} if sensor is CalibratedSensor.TEMPERATURE else {}
     if text in named:
@@ -105,14 +108,14 @@ def _value(text: str, sensor: CalibratedSensor, pressure_hpa: float) -> float:
         value = parse_number(text)
     except ValueError:
         value = nan
-    low, high = KNOWN_VALUES[sensor]
+    low, high = sensor.quantity.known_values
     if not low <= value <= high:
-        numbers = f"give a number of {UNITS[sensor]}{', `ice` or `boiling`' if named else ''}"
+        numbers = f"give a number of {sensor.quantity.unit}{', `ice` or `boiling`' if named else ''}"
         raise ConfigError(
             "the known value is not a number in the range",
             where="--point",
             value=text,
-            limit=f"{low:g} to {high:g} {UNITS[sensor]}",
+            limit=f"{low:g} to {high:g} {sensor.quantity.unit}",
             cure=numbers if corrected is None else f"write {corrected}",
         )
     return value
@@ -123,7 +126,7 @@ def _points(
 ) -> Iterator[CalibrationPoint]:
     """Yield a point for each value, after the user has brought the sensor to this value."""
     for value in values:
-        _ask(f"Bring the {sensor} sensor to {value:.2f} {UNITS[sensor]} and let it settle, then press Enter: ")
+        _ask(f"Bring the {sensor} sensor to {value:.2f} {sensor.quantity.unit} and let it settle, then press Enter: ")
         reading = read_steadily(rig, sensor, duration_s)
         yield CalibrationPoint(value, reading.mean, value_uncertainty, reading.uncertainty)
 
@@ -142,7 +145,7 @@ def _ask(text: str) -> None:
 
 def _section(sensor: CalibratedSensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> dict[str, Any]:
     """Return the calibration section of this sensor for the rig file. The key `evidence` lists the points as text."""
-    suffix = SUFFIXES[sensor]
+    suffix = sensor.quantity.suffix
     values: dict[str, Any] = {
         f"offset_{suffix}": round(fit.offset, 5),
         f"offset_uncertainty_{suffix}": round(fit.offset_uncertainty, 5),
@@ -151,7 +154,9 @@ def _section(sensor: CalibratedSensor, fit: CalibrationFit, points: list[Calibra
     if fit.scale_uncertainty is not None:
         values["scale_uncertainty"] = round(fit.scale_uncertainty, 6)
     values["on"] = today()
-    values["evidence"] = "; ".join(f"{one.reading:.4g} read at {one.value:.4g} {UNITS[sensor]}" for one in points)
+    values["evidence"] = "; ".join(
+        f"{one.reading:.4g} read at {one.value:.4g} {sensor.quantity.unit}" for one in points
+    )
     return values
 
 
@@ -165,6 +170,6 @@ def _caveats(sensor: CalibratedSensor, fit: CalibrationFit, ambient_c: float) ->
 
 
 def _print(output: Output, sensor: CalibratedSensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> None:
-    unit = UNITS[sensor]
+    unit = sensor.quantity.unit
     rows = [(f"{one.value:.3f}", f"{one.reading:.3f}", f"{fit.scale * one.reading + fit.offset:.3f}") for one in points]
     output.table((f"known value / {unit}", f"reading / {unit}", f"corrected / {unit}"), rows)

@@ -9,16 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from smadrive.campaigns.execution.cluster import check_dask, local_client, remote_client, threads_of, usable_cores
+from smadrive.campaigns.execution.cluster import local_client, remote_client, threads_of, usable_cores
 from smadrive.cli.terminal.output import AsJson, Output
+from smadrive.cli.views.announcement import duration_text
 from smadrive.cli.views.campaign_view import (
     CampaignView,
-    duration_text,
     estimate_line,
     print_summary,
     result_object,
 )
 from smadrive.errors import ConfigError
+from smadrive.files.extras import check_extra
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -49,7 +50,7 @@ def main(
     Everything is simulated in virtual time. Ctrl-C ends the command, and --resume goes on with the remaining runs. The
     same file and seed give the same table, to the last bit, whatever the number of workers.
     """
-    check_dask()
+    check_extra("campaign", "smadrive campaign")
     if scheduler is not None and workers is not None:
         cure = "leave one of the two out: --scheduler uses the workers of that cluster"
         raise ConfigError("not together with --scheduler", where="--workers", value=workers, cure=cure)
@@ -60,8 +61,7 @@ def _conduct(
     campaign: str, folder: Path, output: Output, *, resume: bool, scheduler: str | None, workers: int | None
 ) -> None:
     # imported here, because these modules need the extra `campaign`, and the help must work without it
-    from smadrive.campaigns.campaign import conduct  # noqa: PLC0415
-    from smadrive.campaigns.checks import check_plan  # noqa: PLC0415
+    from smadrive.campaigns.campaign import check_plan, conduct  # noqa: PLC0415
     from smadrive.campaigns.execution.estimate import check_disk, estimated  # noqa: PLC0415
     from smadrive.campaigns.execution.journal import Journal  # noqa: PLC0415
     from smadrive.campaigns.execution.scheduling import groups_of  # noqa: PLC0415
@@ -83,7 +83,7 @@ def _conduct(
                 result = conduct(client, plan, groups, journal, view.finished, view.step)
     print_summary(output, plan, result)
     output.say(f"took {duration_text(view.elapsed_s)}")
-    output.result(result_object(plan, result, folder))
+    output.result(result_object(plan, result))
     if (result.table["status"] == "failed").all():
         first = str(result.table["error"].iloc[0])
         raise ConfigError("every run failed", where=campaign, value=first, cure="correct the campaign file")

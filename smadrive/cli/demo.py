@@ -15,45 +15,33 @@ from smadrive.cli.terminal.output import AsJson, Output, make_empty_folder
 from smadrive.cli.views.announcement import announce_excitation
 from smadrive.cli.views.fit_view import fit_result
 from smadrive.cli.views.metrics_table import HEADER, table_row
-from smadrive.cli.views.reports.demo_report import write_demo_report
+from smadrive.cli.views.reports.demo_report import DemoRun, write_demo_report
 from smadrive.cli.views.run_view import shown
 from smadrive.clock import Clock
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
 from smadrive.control.feedforward.static_map import StaticMap
-from smadrive.control.references.reference import Reference
-from smadrive.control.references.shapes import sine
+from smadrive.control.references.slow_sine import slow_sine
 from smadrive.identification.wire import WireFit, identify_wire
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import Watch, excite, plan_excitation, track
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.metrics.run import TrackingMetrics, tracking_metrics
+from smadrive.runs.metrics.run import tracking_metrics
 from smadrive.runs.run_metadata import excitation_record
 from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.wire_model import Travel, travel_mm
+from smadrive.wire.wire_model import travel_mm
 
 FOLDER = "smadrive-demo"
 SIM = "flexinol-lt-0.15mm"
 RIG = "simulated"
-PERIOD_S = 56.0
-"""Period of the reference. It is the period of the published tracking records (0.0178 Hz)."""
-LOW, HIGH = 0.2, 0.8
-"""The ends of the reference, as shares of the identified stroke from its cold end."""
+CYCLES = 2.0
+"""Number of cycles of the reference in each tracking run."""
 REST_S = 20.0
 """Time before each tracking run, in which the wire cools to ambient temperature."""
 
 WITH, WITHOUT = "inverse feedforward", "plain temperature map"
-
-
-@dataclass(frozen=True)
-class DemoRun:
-    """One tracking run of the demo."""
-
-    name: str
-    log: Log
-    metrics: TrackingMetrics
 
 
 def main(
@@ -90,15 +78,15 @@ def main(
                 WITH: HysteresisInverse(wire.hysteresis.model),
                 WITHOUT: StaticMap(wire.thermal.wire_temperature_c, excitation.column("displacement_mm")),
             }
-            arms = [session.track(name, inverse, wire.wire) for name, inverse in inverses.items()]
+            runs = [session.track(name, inverse, wire.wire) for name, inverse in inverses.items()]
     with output.progress("writing the report"):
-        write_demo_report(report, wire, excitation, [(arm.name, arm.log, arm.metrics) for arm in arms])
-    output.table(HEADER, [table_row(arm.name, arm.metrics) for arm in arms])
+        write_demo_report(report, wire, excitation, runs)
+    output.table(HEADER, [table_row(run.name, run.metrics) for run in runs])
     output.say(f"report: {report}   model: {model_file}   logs: {folder}/*.h5")
     output.result(
         {
-            "inverse": asdict(arms[0].metrics),
-            "plain_map": asdict(arms[1].metrics),
+            "inverse": asdict(runs[0].metrics),
+            "plain_map": asdict(runs[1].metrics),
             "identify": fit_result(wire.hysteresis, "tsfuzzy", model_file),
             "excitation_log_file": str(excitation.path),
             "report_file": str(report),
@@ -127,7 +115,9 @@ class _Session:
 
     def track(self, name: str, inverse: DisplacementInverse, wire: IdentifiedWire) -> DemoRun:
         self.rig.cool_down(REST_S)
-        plan = plan_tracking(self.rig, _reference(travel_mm(wire.model)), wire, smooth=False, smooth_option="smooth")
+        plan = plan_tracking(
+            self.rig, slow_sine(travel_mm(wire.model), CYCLES), wire, smooth=False, smooth_option="smooth"
+        )
         self.output.warn(plan.caveats)
         path = self.folder / f"{name.replace(' ', '-')}.h5"
         loop = track(path, self.rig, plan, self._watch(f"tracking, {name}"), inverse, seed=str(self.seed))
@@ -151,7 +141,3 @@ def _unused_folder() -> Path:
     """Return the first of smadrive-demo, smadrive-demo-2, smadrive-demo-3, ... that does not exist."""
     numbered = (Path(FOLDER if n == 1 else f"{FOLDER}-{n}") for n in count(1))
     return next(folder for folder in numbered if not folder.exists())
-
-
-def _reference(travel: Travel) -> Reference:
-    return sine(low_mm=travel.at_mm(LOW), high_mm=travel.at_mm(HIGH), period_s=PERIOD_S, cycles=2.0)

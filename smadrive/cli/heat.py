@@ -12,9 +12,10 @@ from smadrive.cli.live.publishing import Publish, run_publication
 from smadrive.cli.parsing.options import RigFile, TraceFolder
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
-from smadrive.cli.views.run_view import number, shown
+from smadrive.cli.views.run_view import shown
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.loop import LoopMetrics
+from smadrive.display.card import quantity
 from smadrive.errors import TripError
 from smadrive.files.atomic import check_output, unused_record
 from smadrive.files.kinds import LOG
@@ -95,10 +96,10 @@ def _print_metrics(
 
 def _rows(metrics: StepMetrics) -> list[tuple[str, str]]:
     return [
-        ("temperature at the end", number(metrics.temperature_end_c, 2, "°C")),
-        ("highest temperature", number(metrics.temperature_max_c, 2, "°C")),
-        ("displacement at the end", number(metrics.displacement_end_mm, 4, "mm")),
-        ("current at the end", number(metrics.current_end_a, 4, "A")),
-        ("resistance at the end", number(metrics.resistance_end_ohm, 3, "Ω")),
-        ("electrical energy", number(metrics.energy_j, 1, "J")),
+        ("temperature at the end", quantity(metrics.temperature_end_c, 2, "°C")),
+        ("highest temperature", quantity(metrics.temperature_max_c, 2, "°C")),
+        ("displacement at the end", quantity(metrics.displacement_end_mm, 4, "mm")),
+        ("current at the end", quantity(metrics.current_end_a, 4, "A")),
+        ("resistance at the end", quantity(metrics.resistance_end_ohm, 3, "Ω")),
+        ("electrical energy", quantity(metrics.energy_j, 1, "J")),
     ]

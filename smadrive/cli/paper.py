@@ -15,9 +15,7 @@ from smadrive.cli.terminal.output import AsJson, Output, make_folder
 from smadrive.cli.views.reports.paper_report import HEADER, write_paper_report
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel
-from smadrive.identification.paper import Errors, judge, major_loop, mixed_loop, rebuild
-
-PAPER_ERROR = (-1.2, 1.0)
+from smadrive.identification.paper import PAPER_ERROR, Errors, judge, major_loop, mixed_loop, rebuild
 
 
 def main(

@@ -12,7 +12,6 @@ import typer
 from smadrive.cli.parsing.options import RigFile, TraceFolder
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.reports.health_report import show_health
-from smadrive.display.card import quantity
 from smadrive.measurement import Measurement
 from smadrive.rig.calibration.description import descriptions, today
 from smadrive.rig.config import RigConfig, load_rig
@@ -84,14 +83,14 @@ def _print_latched(output: Output, measurement: Measurement, tripped: str | None
 
 
 def _rows(measurement: Measurement) -> list[tuple[str, str]]:
-    temperature = measurement.temperature_fault or quantity(measurement.temperature_c, 2, "°C")
-    displacement = quantity(measurement.displacement_mm, 4, "mm")
-    is_displaced = isfinite(measurement.displacement_mm)
+    """Return the rows of the table. A missing displacement, fault or limit has a row, too."""
+    facts = dict(measurement.facts())
+    displacement = facts["displacement"] if isfinite(measurement.displacement_mm) else "no sensor, or out of its range"
     return [
-        ("temperature", temperature),
-        ("displacement", displacement if is_displaced else "no sensor, or out of its range"),
-        ("heater current", measurement.supply_fault or quantity(measurement.current_a, 4, "A")),
-        ("heater voltage", measurement.supply_fault or quantity(measurement.voltage_v, 3, "V")),
-        ("faults", ", ".join(measurement.device_faults) or "none"),
-        ("limited by", ", ".join(measurement.device_limits + measurement.host_limits) or "nothing"),
+        ("temperature", facts["temperature"]),
+        ("displacement", displacement),
+        ("heater current", facts["current"]),
+        ("heater voltage", facts["voltage"]),
+        ("faults", facts.get("faults", "none")),
+        ("limited by", facts.get("limited by", "nothing")),
     ]

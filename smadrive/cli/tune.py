@@ -15,15 +15,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from smadrive.cli.live.page import check_bokeh, check_real_time
+from smadrive.cli.live.page import check_real_time
 from smadrive.cli.live.publishing import OFF_BY_MQTT, Publish, open_publication
 from smadrive.cli.parsing.options import PAGE_PORT, RigFile, model_file
 from smadrive.cli.terminal.output import AsJson, Output, make_folder
 from smadrive.cli.views.tune_view import TuneView, watched
 from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
-from smadrive.control.references.shapes import sine
+from smadrive.control.references.slow_sine import slow_sine, slow_sine_name
 from smadrive.errors import ConfigError
+from smadrive.files.extras import check_extra
 from smadrive.hysteresis import HysteresisModel
 from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.config import LimitsConfig, RigConfig, load_rig, rig_file
@@ -42,9 +43,6 @@ from smadrive.wire.wire_properties import WireProperties
 
 if TYPE_CHECKING:
     from smadrive.telemetry.publication import Publication
-
-LOW, HIGH, PERIOD_S = 0.2, 0.8, 56.0
-"""The default reference, a slow sine: its ends as shares of the travel from the cold end, and its period in s."""
 
 
 def main(
@@ -70,7 +68,7 @@ def main(
 
     The session is logged in a new file, whose name is printed at the end.
     """
-    check_bokeh()
+    check_extra("tune", "smadrive tune")
     output = Output(as_json)
     config = load_rig(rig)
     wire = load_wire(model_file(config, model))
@@ -159,8 +157,4 @@ def _references(given: list[str], wire: HysteresisModel, limits: LimitsConfig) -
     for one in references.values():
         one.check_within(travel)
         check_rig_limits(one.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
-    if references:
-        return references
-    low_mm, high_mm = travel.at_mm(LOW), travel.at_mm(HIGH)
-    name = f"sine {low_mm:.1f} to {high_mm:.1f} mm, {PERIOD_S:g} s"
-    return {name: sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=1)}
+    return references or {slow_sine_name(travel): slow_sine(travel, cycles=1.0)}

@@ -21,6 +21,7 @@ from smadrive.control.loop import TickHandler
 from smadrive.display.card import count_text
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
+from smadrive.files.extras import check_extra
 from smadrive.files.kinds import LOG
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
@@ -116,9 +117,9 @@ def _check_no_page_option(port: int | None, browser: bool | None) -> None:
 
 
 def _page(rig: Rig, options: _PageOptions, output: Output) -> AbstractContextManager[WatchFeed]:
-    from smadrive.cli.live.page import check_bokeh, watched_on_page  # noqa: PLC0415 (most calls open no page)
+    check_extra("tune", "--page")
+    from smadrive.cli.live.page import watched_on_page  # noqa: PLC0415 (most calls open no page)
 
-    check_bokeh()
     return watched_on_page(rig, options.port, output, browser=options.browser)
 
 

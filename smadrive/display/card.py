@@ -6,6 +6,8 @@ import html
 from collections.abc import Iterable
 from math import isfinite
 
+from smadrive.display.colours import CARD_WARNING
+
 Facts = Iterable[tuple[str, str]]
 
 FONT = "font-family:system-ui,sans-serif;font-size:13px"
@@ -20,7 +22,7 @@ def card(title: str, facts: Facts, plot: str = "", warnings: Iterable[str] = ())
         f"<td style='{CELL};font-variant-numeric:tabular-nums'>{html.escape(value)}</td></tr>"
         for name, value in facts
     )
-    notes = "".join(f"<div style='color:#b7791f'>warning: {html.escape(text)}</div>" for text in warnings)
+    notes = "".join(f"<div style='color:{CARD_WARNING}'>warning: {html.escape(text)}</div>" for text in warnings)
     table = f"<table style='border:0;margin:0;color:inherit;font:inherit'>{rows}</table>" if rows else ""
     return f"<div style='{FONT}'><b>{html.escape(title)}</b><div style='{BOX}'>{table}{plot}</div>{notes}</div>"
 

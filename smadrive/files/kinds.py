@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from smadrive.errors import ConfigError, DataError, ModelError
-from smadrive.files.number_text import parse_number, shortened
+from smadrive.files.number_text import is_number, shortened
 from smadrive.files.toml.parsing import parse_toml
 
 HEAD_BYTES = 1 << 20
@@ -156,12 +156,4 @@ def _is_table(text: str) -> bool:
         header, first = list(csv.reader(text.splitlines()[:2], strict=True))
     except (ValueError, csv.Error):
         return False
-    return len(header) == len(first) > 1 and any(map(_is_number, first))
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        parse_number(cell)
-    except ValueError:
-        return False
-    return True
+    return len(header) == len(first) > 1 and any(map(is_number, first))

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from smadrive.display.card import card
+from smadrive.display.colours import COOLING, HEATING
 from smadrive.display.line_plot import Curve, line_plot
 from smadrive.errors import DataError, ModelError
 from smadrive.files.number_text import shortened
@@ -208,8 +209,8 @@ def loop_plot(model: HysteresisModel, input_name: str = "input", output_name: st
     heating, cooling = outputs[:LOOP_POINTS], outputs[LOOP_POINTS:]
     return line_plot(
         [
-            Curve(rising.tolist(), heating.tolist(), "heating", "#c8323c"),
-            Curve(rising[::-1].tolist(), cooling.tolist(), "cooling", "#1d6fb8"),
+            Curve(rising.tolist(), heating.tolist(), "heating", HEATING),
+            Curve(rising[::-1].tolist(), cooling.tolist(), "cooling", COOLING),
         ],
         input_name,
         output_name,

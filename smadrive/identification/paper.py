@@ -17,6 +17,9 @@ from smadrive.identification.tsfuzzy.fit import identify_tsfuzzy
 from smadrive.numerics.arrays import FloatArray
 
 SETS = 11
+PAPER_ERROR = (-1.2, 1.0)
+"""Smallest and largest error of the output that the paper reports, in the unit of the output."""
+
 RANDOM_LOOPS = 100
 SAMPLES_PER_STRETCH = 200
 

@@ -1,4 +1,4 @@
-"""The look of every plot: one set of colours, one style, and lines with few points even for a long run."""
+"""The look of every plot: one style, and lines with few points even for a long run."""
 
 from __future__ import annotations
 
@@ -14,26 +14,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from smadrive.display.colours import AXIS, AXIS_LABEL, RULE, SOFT_TEXT
 from smadrive.numerics.arrays import FloatArray
-
-SETPOINT = "#1f2933"
-MEASURED = "#1d6fb8"
-ESTIMATED = "#e07b16"
-FAINT = "#a9b4c0"
-RECORD = "#7b8794"
-LIMIT = "#c8323c"
-HEATING, COOLING = "#c8323c", "#1d6fb8"
 
 STYLE: Any = {
     "font.size": 10,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.edgecolor": "#7b8794",
-    "axes.labelcolor": "#323f4b",
+    "axes.edgecolor": AXIS,
+    "axes.labelcolor": AXIS_LABEL,
     "axes.grid": True,
-    "grid.color": "#e4e7eb",
-    "xtick.color": "#52606d",
-    "ytick.color": "#52606d",
+    "grid.color": RULE,
+    "xtick.color": SOFT_TEXT,
+    "ytick.color": SOFT_TEXT,
     "lines.linewidth": 1.2,
     "svg.hashsalt": "smadrive",
 }

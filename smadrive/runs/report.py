@@ -16,30 +16,42 @@ from typing import Literal, Protocol
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from smadrive.display import colours
 from smadrive.files.atomic import replacing
 from smadrive.runs.plot_style import STYLE as PLOT_STYLE
 
+PALETTE = f"""
+:root {{
+  --text: {colours.TEXT}; --soft-text: {colours.SOFT_TEXT}; --caption: {colours.CAPTION}; --link: {colours.LINK};
+  --rule: {colours.RULE}; --panel: {colours.PANEL};
+  --good: {colours.GOOD}; --warning: {colours.WARNING}; --bad: {colours.BAD};
+  --good-shade: {colours.GOOD_SHADE}; --warning-shade: {colours.WARNING_SHADE}; --bad-shade: {colours.BAD_SHADE};
+}}
+"""
+
 STYLE = """
-:root { color: #1f2933; background: #fff; font: 16px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; }
+:root { color: var(--text); background: #fff; font: 16px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; }
 body { max-width: 62rem; margin: 0 auto; padding: 2.5rem 1.25rem 4rem; }
-h1 { font-size: 1.75rem; line-height: 1.25; margin: 0 0 .4rem; } .lead { color: #52606d; margin: 0 0 1.5rem; }
-h2 { font-size: 1.15rem; margin: 2.6rem 0 .6rem; padding-bottom: .3rem; border-bottom: 1px solid #e4e7eb; }
+h1 { font-size: 1.75rem; line-height: 1.25; margin: 0 0 .4rem; } .lead { color: var(--soft-text); margin: 0 0 1.5rem; }
+h2 { font-size: 1.15rem; margin: 2.6rem 0 .6rem; padding-bottom: .3rem; border-bottom: 1px solid var(--rule); }
 .banner { border-left: 5px solid; border-radius: .3rem; padding: .6rem 1rem; margin: 1rem 0; }
-.good { background: #e9f7ef; border-color: #1e8e4e; } .bad { background: #fdecec; border-color: #c8323c; }
-.warning { background: #fff6e5; border-color: #e0a116; }
+.good { background: var(--good-shade); border-color: var(--good); }
+.bad { background: var(--bad-shade); border-color: var(--bad); }
+.warning { background: var(--warning-shade); border-color: var(--warning); }
 .tiles { display: grid; grid-template-columns: repeat(2, 1fr); gap: .75rem; margin: 1.25rem 0; }
 @media (min-width: 40rem) { .tiles { grid-template-columns: repeat(var(--columns), 1fr); } }
-.tile { background: #f5f7fa; border-radius: .5rem; padding: .7rem .9rem; }
+.tile { background: var(--panel); border-radius: .5rem; padding: .7rem .9rem; }
 .tile b { display: block; font-size: 1.35rem; line-height: 1.3; white-space: nowrap; }
-.tile span { color: #616e7c; font-size: .85rem; }
-figure { margin: .8rem 0; } img { width: 100%; height: auto; } figcaption, footer { color: #616e7c; font-size: .9rem; }
+.tile span { color: var(--caption); font-size: .85rem; }
+figure { margin: .8rem 0; } img { width: 100%; height: auto; }
+figcaption, footer { color: var(--caption); font-size: .9rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; } td, th { text-align: right; }
-th, td { padding: .3rem 1rem .3rem 0; border-bottom: 1px solid #e4e7eb; vertical-align: top; }
-th { color: #52606d; font-weight: 600; } th:first-child, td:first-child { text-align: left; }
+th, td { padding: .3rem 1rem .3rem 0; border-bottom: 1px solid var(--rule); vertical-align: top; }
+th { color: var(--soft-text); font-weight: 600; } th:first-child, td:first-child { text-align: left; }
 table.text td, table.text th { text-align: left; overflow-wrap: anywhere; }
 table.text td:first-child { white-space: nowrap; }
-details { margin: .6rem 0; } summary { cursor: pointer; color: #1d6fb8; }
-pre { white-space: pre-wrap; font-size: .8rem; background: #f5f7fa; padding: 1rem; border-radius: .5rem; }
+details { margin: .6rem 0; } summary { cursor: pointer; color: var(--link); }
+pre { white-space: pre-wrap; font-size: .8rem; background: var(--panel); padding: 1rem; border-radius: .5rem; }
 @media print { body { padding: 0; } figure, .tile { break-inside: avoid; } }
 """
 
@@ -150,7 +162,7 @@ def write_report(path: Path, title: str, lead: str, parts: Sequence[PagePart]) -
         [
             "<!doctype html><html lang=en><meta charset=utf-8>",
             "<meta name=viewport content='width=device-width, initial-scale=1'>",
-            f"<title>{html.escape(title)}</title><style>{STYLE}</style>",
+            f"<title>{html.escape(title)}</title><style>{PALETTE}{STYLE}</style>",
             f"<h1>{html.escape(title)}</h1><p class=lead>{html.escape(lead)}</p>",
             *(part.html() for part in parts),
             "</html>\n",

@@ -14,8 +14,10 @@ from numpy.typing import NDArray
 
 from smadrive.display.ascii_text import ascii_text
 from smadrive.display.card import card, quantity
-from smadrive.display.line_plot import Curve, line_plot
+from smadrive.display.colours import MEASURED
+from smadrive.display.line_plot import INK, Curve, line_plot
 from smadrive.errors import ConfigError
+from smadrive.files.extras import install_cure
 from smadrive.files.spelling import suggestion_or_list
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.cycling.cycles import CycleMetrics, cycles_of
@@ -25,7 +27,7 @@ from smadrive.runs.log.reader import read_log as read_log_file
 from smadrive.runs.metrics.caveats import run_caveats
 from smadrive.runs.metrics.run import RunMetrics, run_metrics
 from smadrive.runs.metrics.tracking_error import has_setpoint
-from smadrive.runs.plot_style import MEASURED, PlotFigure
+from smadrive.runs.plot_style import PlotFigure
 from smadrive.scripting.arguments import path_text
 from smadrive.scripting.loop.messages import DrivenRun
 
@@ -150,9 +152,7 @@ class Run:
         try:
             import xarray  # noqa: PLC0415 (not a dependency)
         except ImportError:
-            raise ConfigError(
-                "xarray is not installed", where="to_xarray", cure="install it with `pip install xarray`"
-            ) from None
+            raise ConfigError("xarray is not installed", where="to_xarray", cure=install_cure("xarray")) from None
         data = {
             name: ("time_s", self[name], {"units": COLUMNS[name].unit, "long_name": COLUMNS[name].label})
             for name in self.columns
@@ -193,7 +193,7 @@ class Run:
         name = "displacement_mm" if np.isfinite(self["displacement_mm"]).any() else "temperature_c"
         curves = [Curve(time_s, self[name].tolist(), "measured", MEASURED)]
         if has_setpoint(self.log) and name == "displacement_mm":
-            curves.append(Curve(time_s, self["setpoint_mm"].tolist(), "setpoint", "currentColor", is_dashed=True))
+            curves.append(Curve(time_s, self["setpoint_mm"].tolist(), "setpoint", INK, is_dashed=True))
         return line_plot(curves, COLUMNS["time_s"].axis_label, COLUMNS[name].axis_label)
 
 

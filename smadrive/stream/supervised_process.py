@@ -22,6 +22,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from smadrive.errors import ConfigError
+from smadrive.files.extras import install_cure
 from smadrive.numerics.blas_threads import ONE_THREAD
 from smadrive.posix import check_posix
 
@@ -41,8 +42,7 @@ class SupervisedProcess:
 
     The child gets `parameters` and inherits the file descriptors `fds`; it answers with one line when it is ready. A
     positive `niceness` lowers the priority of the child, a negative one raises it if the system permits. `extra` names
-    the optional dependencies that the child needs: `pip install smadrive[extra]`. ConfigError when the child does not
-    start.
+    the optional dependencies that the child needs. ConfigError when the child does not start.
     """
 
     def __init__(
@@ -102,8 +102,7 @@ class SupervisedProcess:
                 raise ConfigError(
                     "the process did not start; its own message, if any, is printed above",
                     where=self._module,
-                    cure="correct the cause; if a package is missing, "
-                    f"install it with pip install 'smadrive[{self._extra}]'",
+                    cure=f"correct the cause; if a package is missing, {install_cure(f'smadrive[{self._extra}]')}",
                 ) from None
             raise
 

@@ -6,9 +6,7 @@ continues with the first sample that the broker has not confirmed. `off` is a me
 
 from __future__ import annotations
 
-import importlib.util
 import secrets
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -17,7 +15,7 @@ from dataclasses import asdict
 from types import TracebackType
 from typing import NamedTuple, Self
 
-from smadrive.errors import ConfigError
+from smadrive.files.extras import check_extra
 from smadrive.rig.config import RigConfig
 from smadrive.stream.shared_memory import SharedReader, SharedWriter
 from smadrive.stream.supervised_process import SupervisedProcess
@@ -57,7 +55,7 @@ class Publication:
     """
 
     def __init__(self, address: BrokerAddress, config: RigConfig, command: str, writer: SharedWriter) -> None:
-        _check_paho()
+        check_extra("mqtt", "--publish")
         self.address = address
         self.on_off: Callable[[], None] | None = None
         self._config = config
@@ -134,12 +132,3 @@ class Publication:
             if self._counters["offs"] and self.on_off is not None:
                 self.on_off()
                 return
-
-
-def _check_paho() -> None:
-    if importlib.util.find_spec("paho") is None:
-        raise ConfigError(
-            "needs paho-mqtt",
-            where="--publish",
-            cure=f"install it with `{sys.executable} -m pip install 'smadrive[mqtt]'`",
-        )

@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
 from smadrive.errors import ConfigError
+from smadrive.files.extras import check_extra
 from smadrive.stream.supervised_process import SupervisedProcess
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult
 from smadrive.tuning.builder.packing import pack_request, unpack_result
@@ -210,8 +211,7 @@ class BuilderProcess(SupervisedProcess):
 
 
 def _connected(address: str) -> MessageSocket:
-    try:
-        from smadrive.tuning.link.message_socket import MessageSocket  # noqa: PLC0415 (of the extra `tune`)
-    except ImportError:
-        raise ConfigError("the tuning page needs pyzmq", cure="install it with pip install 'smadrive[tune]'") from None
+    check_extra(EXTRA, "the model builder process")
+    from smadrive.tuning.link.message_socket import MessageSocket  # noqa: PLC0415 (of the extra)
+
     return MessageSocket(address, listens=False)

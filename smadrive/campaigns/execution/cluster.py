@@ -13,7 +13,6 @@ import importlib.util
 import logging
 import os
 import signal
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
@@ -44,14 +43,6 @@ SETTINGS = {
     "distributed.worker.preload": ["smadrive.campaigns.execution.cluster"],
 }
 """Settings of a local cluster. The environment is set before a worker imports numpy and dask."""
-
-
-def check_dask() -> None:
-    """Raise ConfigError if the extra `campaign` is not installed."""
-    for name in ("distributed", "pyarrow", "pandas"):
-        if importlib.util.find_spec(name) is None:
-            cure = f"install it with `{sys.executable} -m pip install 'smadrive[campaign]'`"
-            raise ConfigError(f"campaigns need {name}", cure=cure)
 
 
 def usable_cores() -> int:

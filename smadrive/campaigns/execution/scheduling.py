@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from smadrive.campaigns.execution.cluster import OPTION
 from smadrive.campaigns.execution.journal import Journal
+from smadrive.campaigns.experiments.columns import outcome_row
 from smadrive.campaigns.experiments.run import (
     Effort,
     RunResult,
@@ -110,5 +111,6 @@ def _result_of(future: Future[RunResult]) -> RunResult:
     error: Any = future.exception() if future.status == "error" else None
     if error is None:
         return future.result()
-    row = {"status": "failed", "error_type": type(error).__name__, "error": "the workers of this run died"}
-    return RunResult(row, Effort("", 0.0, 0.0, 0.0, "", str(error)))
+    return RunResult(
+        outcome_row("failed", error, "the workers of this run died"), Effort("", 0.0, 0.0, 0.0, "", str(error))
+    )

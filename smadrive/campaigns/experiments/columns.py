@@ -6,7 +6,7 @@ The columns of a part are NaN in a run without this part. For example, a fit has
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 Value = int | float | str | bool
 Row = Mapping[str, Value]
@@ -63,3 +63,12 @@ TRACKING = {
 }
 COLUMNS = STATE | WIRE | FIT | TRACKING
 """Every column, in the order of the table."""
+
+
+def outcome_row(
+    status: Literal["done", "tripped", "failed"], error: BaseException | None = None, text: str | None = None
+) -> Row:
+    """Return the columns `STATE` of a run that `error` ended, if any. `text` replaces the message of the error."""
+    if error is None:
+        return {"status": status, "error_type": "", "error": ""}
+    return {"status": status, "error_type": type(error).__name__, "error": str(error) if text is None else text}

@@ -15,7 +15,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from smadrive.campaigns.experiments.columns import Row
+from smadrive.campaigns.experiments.columns import Row, outcome_row
 from smadrive.campaigns.experiments.identification import (
     WireKnowledge,
     excited_wire,
@@ -31,10 +31,9 @@ from smadrive.errors import SmadriveError
 
 
 class FailedIdentification(NamedTuple):
-    """The error of an identification. Every run that needs this identification fails with this error."""
+    """A failed identification. Every run that needs it fails with its error: `outcome` belongs to their rows."""
 
-    error_type: str
-    error: str
+    outcome: Row
     trace: str
     cpu_s: float
 
@@ -92,7 +91,7 @@ def identify(run: PlannedRun) -> WireKnowledge | FailedIdentification:
         return excited_wire(run)._replace(cpu_s=time.thread_time() - began_s)
     except Exception as error:  # noqa: BLE001 (a defect in one run must not end the campaign)
         trace = traceback.format_exc()
-        return FailedIdentification(type(error).__name__, str(error), trace, time.thread_time() - began_s)
+        return FailedIdentification(outcome_row("failed", error), trace, time.thread_time() - began_s)
 
 
 def execute(run: PlannedRun, knowledge: WireKnowledge | FailedIdentification | None = None) -> RunResult:
@@ -120,13 +119,12 @@ def logged_run(run: PlannedRun) -> bytes:
 
 def _row_or_error(run: PlannedRun, knowledge: WireKnowledge | FailedIdentification | None) -> tuple[Row, str]:
     if isinstance(knowledge, FailedIdentification):
-        row = _wire_row_if_simulated(run)
-        return {**row, **_failed(knowledge.error_type, knowledge.error)}, knowledge.trace
+        return {**_wire_row_if_simulated(run), **knowledge.outcome}, knowledge.trace
     try:
         return _row(run, knowledge), ""
     except Exception as error:  # noqa: BLE001 (a defect in one run must not end the campaign)
         trace = "" if isinstance(error, SmadriveError) else traceback.format_exc()
-        return {**_wire_row_if_simulated(run), **_failed(type(error).__name__, str(error))}, trace
+        return {**_wire_row_if_simulated(run), **outcome_row("failed", error)}, trace
 
 
 def _row(run: PlannedRun, knowledge: WireKnowledge | None) -> Row:
@@ -144,7 +142,3 @@ def _knowledge(run: PlannedRun) -> WireKnowledge:
 
 def _wire_row_if_simulated(run: PlannedRun) -> Row:
     return {} if run.settings.experiment == "fit" else wire_row(simulated_wire(run))
-
-
-def _failed(error_type: str, error: str) -> Row:
-    return {"status": "failed", "error_type": error_type, "error": error}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from smadrive.campaigns.experiments.columns import Row
+from smadrive.campaigns.experiments.columns import Row, outcome_row
 from smadrive.campaigns.experiments.controllers import controller_of
 from smadrive.campaigns.experiments.identification import WireKnowledge
 from smadrive.campaigns.experiments.references import PlannedReference, planned_reference
@@ -88,7 +88,7 @@ def tracking_row(run: PlannedRun, knowledge: WireKnowledge, log_file: Path | Non
     try:
         loop = _driven(run, simulated, wire, planned, knowledge, series, log_file)
     except TripError as trip:
-        return {**row, **series.heat_row(), "status": "tripped", "error_type": type(trip).__name__, "error": str(trip)}
+        return {**row, **series.heat_row(), **outcome_row("tripped", trip)}
     counts = {"ticks": loop.ticks, "missed_deadlines": loop.missed_deadlines}
     return {**row, **series.error_row(planned, sim.wire.stroke_mm), **series.heat_row(), **counts}
 

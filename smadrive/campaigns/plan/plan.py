@@ -127,6 +127,10 @@ class CampaignPlan:
             digest.update(_content_digest(file))
         return digest.hexdigest()
 
+    def check_files(self) -> None:
+        """Raise ConfigError if a file that the runs in `sample` read is missing. The fingerprint reads all of them."""
+        _ = self.fingerprint
+
     def sample(self) -> Iterator[PlannedRun]:
         """Yield up to `SAMPLED` runs, evenly spread over the campaign. ConfigError if the settings of one are wrong."""
         yield from map(

@@ -12,8 +12,9 @@ from smadrive.campaigns.plan.axes import Axis
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.results.sensitivity import ColumnShare
 from smadrive.campaigns.results.summary import level_text
+from smadrive.display.colours import FAINT, LIMIT, MEASURED, SETPOINT
 from smadrive.numerics.arrays import FloatArray
-from smadrive.runs.plot_style import FAINT, LIMIT, MEASURED, SETPOINT, legend, panels
+from smadrive.runs.plot_style import legend, panels
 from smadrive.runs.report import Plot
 
 if TYPE_CHECKING:

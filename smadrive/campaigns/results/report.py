@@ -11,6 +11,7 @@ from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.results.figures import axis_plots, distribution_plot, sensitivity_plot
 from smadrive.campaigns.results.sensitivity import ColumnShare, sensitivities
 from smadrive.campaigns.results.summary import SummaryRow, level_text, summarized, summary_columns, worst_first
+from smadrive.campaigns.results.table import RESULTS
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.report import Banner, Grid, Listing, Notes, PagePart, Plot, Tiles, write_report
@@ -141,7 +142,7 @@ def _errors(table: DataFrame) -> Iterator[Grid]:
 
 def _provenance(plan: CampaignPlan, digest: str) -> list[tuple[str, str]]:
     return [
-        ("table", f"results.parquet, SHA-256 {digest}"),
+        ("table", f"{RESULTS}, SHA-256 {digest}"),
         ("campaign file", f"{plan.path.name}, fingerprint {plan.fingerprint}"),
         ("seed", str(plan.config.seed)),
     ]

@@ -16,7 +16,7 @@ from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from smadrive.campaigns.experiments.columns import COLUMNS, ResultColumn
+from smadrive.campaigns.experiments.columns import COLUMNS, ResultColumn, outcome_row
 from smadrive.campaigns.experiments.run import RunResult
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.versions import versions
@@ -45,7 +45,7 @@ def results_table(plan: CampaignPlan, results: Mapping[int, RunResult]) -> DataF
     levels = [plan.run_levels(number) for number in numbers]
     columns: dict[str, Any] = {"run": numbers}
     columns |= {axis.name: [one[axis.name] for one in levels] for axis in plan.axes}
-    rows = [{"status": "done", "error_type": "", "error": "", **results[number].row} for number in numbers]
+    rows = [{**outcome_row("done"), **results[number].row} for number in numbers]
     present = [name for name in COLUMNS if name == plan.metric or any(name in row for row in rows)]
     columns |= {name: _series(COLUMNS[name], [row.get(name) for row in rows]) for name in present}
     table = DataFrame(columns)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import sys
 import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,14 +13,6 @@ from smadrive.rig.rig import Rig
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.processes import LivePage
 from smadrive.tuning.watching import WatchFeed
-
-
-def check_bokeh() -> None:
-    """Raise ConfigError if bokeh, which builds the pages, is not installed."""
-    if importlib.util.find_spec("bokeh") is None:
-        raise ConfigError(
-            "the page needs bokeh", cure=f"install it with `{sys.executable} -m pip install 'smadrive[tune]'`"
-        )
 
 
 def check_real_time(rig: Rig) -> None:

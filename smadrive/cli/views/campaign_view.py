@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -12,6 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from smadrive.cli.terminal.output import Output
+from smadrive.cli.views.announcement import duration_text
 
 if TYPE_CHECKING:
     from smadrive.campaigns.campaign import CampaignResult
@@ -72,13 +72,6 @@ def estimate_line(plan: CampaignPlan, done: int, estimate: CampaignEstimate, thr
     )
 
 
-def duration_text(seconds: float) -> str:
-    """Return a duration in s, min or h."""
-    if seconds < 100.0:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.1f} h"
-
-
 def print_summary(output: Output, plan: CampaignPlan, result: CampaignResult) -> None:
     """Print the summary, the warnings, and the files."""
     from smadrive.campaigns.experiments.columns import COLUMNS  # noqa: PLC0415
@@ -93,7 +86,7 @@ def print_summary(output: Output, plan: CampaignPlan, result: CampaignResult) ->
         output.say(f"the table shows {MOST_ROWS} of {len(rows)} rows; the report shows the others")
     output.warn(_failures(result))
     output.say(f"report: {result.report_file}   logs of the worst runs: {len(result.logs)}")
-    output.say(f"table: {result.report_file.with_name('results.parquet')}   SHA-256 {result.digest}")
+    output.say(f"table: {result.table_file}   SHA-256 {result.digest}")
 
 
 def _failures(result: CampaignResult) -> list[str]:
@@ -105,7 +98,7 @@ def _failures(result: CampaignResult) -> list[str]:
     return [f"{len(failed)} of {len(result.table)} runs failed, the first is run {first['run']}: {first['error']}"]
 
 
-def result_object(plan: CampaignPlan, result: CampaignResult, folder: Path) -> dict[str, Any]:
+def result_object(plan: CampaignPlan, result: CampaignResult) -> dict[str, Any]:
     """Return the JSON object of a finished campaign."""
     from smadrive.campaigns.results.summary import summarized  # noqa: PLC0415
 
@@ -117,7 +110,7 @@ def result_object(plan: CampaignPlan, result: CampaignResult, folder: Path) -> d
         "metric": plan.metric,
         "median": whole.median,
         "worst": whole.worst,
-        "table_file": str(folder / "results.parquet"),
+        "table_file": str(result.table_file),
         "sha256": result.digest,
         "report_file": str(result.report_file),
         "log_files": {str(number): str(path) for number, path in result.logs.items()},

@@ -17,13 +17,14 @@ from rich.live import Live
 from rich.text import Text
 
 from smadrive.control.loop import Tick, TickHandler
+from smadrive.display.card import quantity
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 
 DRAWN_PER_S = 5
 BAR = 40
 """Greatest length of the progress bar, in characters."""
-NAME, VALUE, GAP = 12, 11, 3
+NAME, VALUE, GAP = 13, 11, 2
 """Widths of a name, of its value, and of the gap to the next name, in characters."""
 WIDE = 120
 """Width of a terminal that shows every row in one line, in characters."""
@@ -62,7 +63,7 @@ class RunView:
         self._add_progress(text, tick.time_s, width)
         self._add_values(text, tick, width)
         if tick.measurement.device_faults:
-            text.append(f"\nfaults       {', '.join(tick.measurement.device_faults)}", "bold red")
+            text.append(f"\n{'faults':<{NAME}} {', '.join(tick.measurement.device_faults)}", "bold red")
         for event in tuple(self._recorder.latest):
             text.append(f"\n{event.time_s:.2f} s: {event.message}", "yellow")
         return text
@@ -81,17 +82,17 @@ class RunView:
 
     def _add_values(self, text: Text, tick: Tick, width: int) -> None:
         measured, command = tick.measurement, tick.command
-        limits = ", ".join(measured.device_limits + measured.host_limits)
-        temperature = measured.temperature_fault or number(measured.temperature_c, 1, "°C")
+        limits = ", ".join(measured.limits)
+        temperature = measured.temperature_fault or quantity(measured.temperature_c, 1, "°C")
         values = (
-            ("reference", number(command.setpoint_mm, 3, "mm")),
-            ("displacement", number(measured.displacement_mm, 3, "mm")),
-            ("error", number(command.setpoint_mm - measured.displacement_mm, 3, "mm")),
-            ("setpoint", number(command.setpoint_c, 1, "°C")),
+            ("setpoint", quantity(command.setpoint_mm, 3, "mm")),
+            ("displacement", quantity(measured.displacement_mm, 3, "mm")),
+            ("error", quantity(command.setpoint_mm - measured.displacement_mm, 3, "mm")),
+            ("wire setpoint", quantity(command.setpoint_c, 1, "°C")),
             ("temperature", temperature),
             ("late", f"{1e3 * tick.late_s:.1f} ms"),
-            ("current", number(measured.current_a, 3, "A")),
-            ("limit", number(self._current_max_a, 3, "A")),
+            ("current", quantity(measured.current_a, 3, "A")),
+            ("limit", quantity(self._current_max_a, 3, "A")),
             ("limited by", limits or "nothing"),
         )
         in_a_row = min(max((width + GAP) // (NAME + 1 + VALUE + GAP), 1), 3)
@@ -138,8 +139,3 @@ def drawing(view: RichCast, console: Console) -> Iterator[None]:
         sys.setswitchinterval(before_s)
         with suppress(OSError):
             live.stop()
-
-
-def number(value: float, digits: int, unit: str) -> str:
-    """Return a value with its unit, or a dash for NaN."""
-    return f"{value:.{digits}f} {unit}" if isfinite(value) else "–"

@@ -15,8 +15,9 @@ from rich.console import Console
 from rich.text import Text
 
 from smadrive.cli.terminal.output import Output
-from smadrive.cli.views.run_view import drawing, number
+from smadrive.cli.views.run_view import drawing
 from smadrive.control.loop import Tick
+from smadrive.display.card import quantity
 from smadrive.errors import ConfigError
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.processes import TuningPage
@@ -64,8 +65,8 @@ class TuneView:
         if self._latest is None or self._channel.published["lost"]:
             return "– °C, – A"
         measured = self._latest.measurement
-        temperature = measured.temperature_fault or number(measured.temperature_c, 1, "°C")
-        return f"{temperature}, {number(measured.current_a, 3, 'A')}"
+        temperature = measured.temperature_fault or quantity(measured.temperature_c, 1, "°C")
+        return f"{temperature}, {quantity(measured.current_a, 3, 'A')}"
 
     def _lines(self) -> list[str]:
         status = self._channel.published

@@ -11,8 +11,9 @@ from rich.console import Console
 from rich.text import Text
 
 from smadrive.cli.terminal.output import Output
-from smadrive.cli.views.run_view import drawing, number
+from smadrive.cli.views.run_view import drawing
 from smadrive.control.loop import Tick, TickHandler
+from smadrive.display.card import quantity
 
 WINDOW_S = 60.0
 """The time that a plot shows, s."""
@@ -52,7 +53,7 @@ class Extremes:
     def rows(self) -> list[tuple[str, ...]]:
         """Return one row of texts for each quantity: its name, its last, its lowest and its highest value."""
         return [
-            (name, *(number(value, digits, unit) for value in self._values[name]))
+            (name, *(quantity(value, digits, unit) for value in self._values[name]))
             for name, _, digits, unit, _ in QUANTITIES
         ]
 
@@ -125,7 +126,7 @@ def _block(height: int | None, row: int) -> str:
 def _value_text(tick: Tick, attribute: str, digits: int, unit: str) -> str:
     if attribute == "temperature_c" and tick.measurement.temperature_fault:
         return tick.measurement.temperature_fault
-    return number(getattr(tick.measurement, attribute), digits, unit)
+    return quantity(getattr(tick.measurement, attribute), digits, unit)
 
 
 @contextmanager

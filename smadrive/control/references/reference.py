@@ -23,7 +23,7 @@ from smadrive.control.references.limits import (
     check_length,
 )
 from smadrive.display.card import card
-from smadrive.display.line_plot import Curve, line_plot
+from smadrive.display.line_plot import INK, Curve, line_plot
 from smadrive.errors import ConfigError, DataError
 from smadrive.numerics.arrays import FloatArray, float_array
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
@@ -99,7 +99,7 @@ class Reference:
         return f"Reference({length}, {low_mm:.4g} to {high_mm:.4g} mm)"
 
     def _repr_html_(self) -> str:
-        setpoint = Curve(self.times_s.tolist(), self.displacement_mm.tolist(), "setpoint", "#1d6fb8")
+        setpoint = Curve(self.times_s.tolist(), self.displacement_mm.tolist(), "setpoint", INK)
         return card(repr(self), (), line_plot([setpoint], "time / s", "displacement / mm"))
 
     @cached_property

@@ -9,14 +9,50 @@ from typing import NamedTuple
 from smadrive.errors import ConfigError, DataError
 from smadrive.rig.rig import Rig
 
-UNITS = {"temperature": "°C", "displacement": "mm"}
-FIELDS = {
-    "temperature": ("temperature_c", "temperature_age_s"),
-    "displacement": ("displacement_mm", "displacement_age_s"),
-}
 LEAST_READINGS = 4
-STEADY = {"temperature": 0.5, "displacement": 0.02}
-"""Largest change of the mean between the two halves of the readings, in the unit of the quantity."""
+
+
+class CalibratedQuantity(NamedTuple):
+    """A quantity whose sensor can be calibrated. Its numbers have the unit `unit`.
+
+    suffix               suffix of its keys in the rig file
+    value_field          the field of a Measurement with its reading
+    age_field            the field of a Measurement with the age of the reading, s
+    steady               largest change of the mean between the two halves of the readings at a known value
+    known_values         allowed range of the known values
+    value_uncertainty    default standard uncertainty of a known value: of a stirred bath, of a gauge
+    """
+
+    unit: str
+    suffix: str
+    value_field: str
+    age_field: str
+    steady: float
+    known_values: tuple[float, float]
+    value_uncertainty: float
+
+
+QUANTITIES = {
+    "temperature": CalibratedQuantity(
+        unit="°C",
+        suffix="c",
+        value_field="temperature_c",
+        age_field="temperature_age_s",
+        steady=0.5,
+        known_values=(-100.0, 600.0),
+        value_uncertainty=0.1,
+    ),
+    "displacement": CalibratedQuantity(
+        unit="mm",
+        suffix="mm",
+        value_field="displacement_mm",
+        age_field="displacement_age_s",
+        steady=0.02,
+        known_values=(-1e4, 1e4),
+        value_uncertainty=0.01,
+    ),
+}
+"""The quantities by name. A sensor has the name of its quantity."""
 
 
 class SteadyReading(NamedTuple):
@@ -44,13 +80,13 @@ def read_steadily(rig: Rig, quantity: str, duration_s: float) -> SteadyReading:
     readings = list(by_time.values())
     if len(readings) < LEAST_READINGS:
         raise DataError("too few readings", value=len(readings), limit=LEAST_READINGS, cure="read for a longer time")
-    half = len(readings) // 2
+    half, unit, limit = len(readings) // 2, QUANTITIES[quantity].unit, QUANTITIES[quantity].steady
     change = fmean(readings[half:]) - fmean(readings[:half])
-    if abs(change) > STEADY[quantity]:
+    if abs(change) > limit:
         raise DataError(
             f"the {quantity} is not steady",
-            value=f"changes by {change:+.3g} {UNITS[quantity]} within {duration_s:g} s",
-            limit=f"{STEADY[quantity]:g} {UNITS[quantity]}",
+            value=f"changes by {change:+.3g} {unit} within {duration_s:g} s",
+            limit=f"{limit:g} {unit}",
             cure="wait until the sensor stands still at the known value, then calibrate again",
         )
     scatter = stdev(readings) / sqrt(len(readings))
@@ -78,8 +114,8 @@ def _valid(rig: Rig, quantity: str) -> tuple[float, float]:
     The time is the time of the measurement minus the age of the reading, rounded to microseconds. So two measurements
     that return the same reading give the same time.
     """
-    measurement = rig.measure()
-    value, age_s = (getattr(measurement, name) for name in FIELDS[quantity])
+    measurement, fields = rig.measure(), QUANTITIES[quantity]
+    value, age_s = getattr(measurement, fields.value_field), getattr(measurement, fields.age_field)
     if not isfinite(value):
         raise DataError(
             f"no valid {quantity}",

@@ -7,17 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 from matplotlib.axes import Axes
 
+from smadrive.display.colours import LIMIT, RUN_COLOURS, SETPOINT, SHADE
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.comparison.comparison import RunComparison
 from smadrive.runs.figures.log_plots import NOT_SCORED, PLANE_POINTS
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
-from smadrive.runs.plot_style import LIMIT, SETPOINT, legend, line, panels
+from smadrive.runs.plot_style import legend, line, panels
 from smadrive.runs.report import Plot
 from smadrive.runs.run_metadata import rig_config_of
-
-COLOURS = ("#1d6fb8", "#e07b16", "#1e8e4e", "#8e44ad", "#c8323c", "#17a2a2", "#7a5c2e", "#d6589f")
-"""The colour of each run."""
 
 
 def comparison_plots(comparison: RunComparison) -> Iterator[Plot]:
@@ -40,11 +38,11 @@ def _displacement(comparison: RunComparison) -> Plot:
             line(upper, log.column("time_s"), log.column_with_gaps("setpoint_mm"), ls="--", lw=0.9, **look)
     legend(upper)
     for ax in lower:
-        for log, colour in zip(comparison.logs, COLOURS, strict=False):
+        for log, colour in zip(comparison.logs, RUN_COLOURS, strict=False):
             if log in scored:
                 line(ax, log.column("time_s"), error_percent(log), color=colour, lw=0.9)
         ax.axhline(0.0, color=SETPOINT, lw=0.6)
-        ax.axvspan(0.0, max(map(scored_from_s, scored)), color="#f0f2f5", lw=0)
+        ax.axvspan(0.0, max(map(scored_from_s, scored)), color=SHADE, lw=0)
         ax.set_ylabel("error / % of stroke")
     figure.axes[-1].set_xlabel(COLUMNS["time_s"].axis_label)
     setpoint = "Dashed: the setpoint" if is_one else "Dashed: the setpoint of each run, in its colour"
@@ -69,7 +67,7 @@ def _heat(comparison: RunComparison) -> Plot:
 
 def _plane(comparison: RunComparison) -> Plot:
     figure, (ax,) = panels((4.6,))
-    for name, log, colour in zip(comparison.names, comparison.logs, COLOURS, strict=False):
+    for name, log, colour in zip(comparison.names, comparison.logs, RUN_COLOURS, strict=False):
         every = max(1, log.column("time_s").size // PLANE_POINTS)
         column = "estimated_c" if _has(log, "estimated_c") else "temperature_c"
         path = log.column_with_gaps(column)[::every], log.column_with_gaps("displacement_mm")[::every]
@@ -82,7 +80,7 @@ def _plane(comparison: RunComparison) -> Plot:
 
 def _coloured(comparison: RunComparison, ax: Axes, name: str) -> Iterator[tuple[Log, str]]:
     """Draw the column `name` of each run over time, in the colour of the run. Yield each log and its colour."""
-    for title, log, colour in zip(comparison.names, comparison.logs, COLOURS, strict=False):
+    for title, log, colour in zip(comparison.names, comparison.logs, RUN_COLOURS, strict=False):
         line(ax, log.column("time_s"), log.column_with_gaps(name), color=colour, lw=1.2, label=title)
         ax.set_ylabel(COLUMNS[name].axis_label)
         yield log, colour

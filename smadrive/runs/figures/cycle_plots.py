@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from smadrive.display.colours import ESTIMATED, LIMIT, MEASURED, SETPOINT
 from smadrive.runs.cycling.cycles import CycleMetrics
-from smadrive.runs.plot_style import ESTIMATED, LIMIT, MEASURED, SETPOINT, legend, line, panels
+from smadrive.runs.plot_style import legend, line, panels
 from smadrive.runs.report import Plot
 
 CURVES = (

@@ -5,11 +5,12 @@ from __future__ import annotations
 import matplotlib as mpl
 import numpy as np
 
+from smadrive.display.colours import COOLING, ESTIMATED, HEATING, RECORD
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.resistance_fit.fit import ResistanceFit
 from smadrive.identification.wire import AnyFit
 from smadrive.runs.figures.log_plots import draw_branches
-from smadrive.runs.plot_style import COOLING, ESTIMATED, HEATING, RECORD, STYLE, PlotFigure, legend, line, panels
+from smadrive.runs.plot_style import STYLE, PlotFigure, legend, line, panels
 
 DOTS = 700
 """A plot shows every n-th recorded sample: n = max(1, samples // DOTS)."""

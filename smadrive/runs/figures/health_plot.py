@@ -7,18 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
+from smadrive.display.colours import COOLING, ESTIMATED, FAINT, HEATING, LIMIT, MEASURED, SETPOINT
 from smadrive.numerics.arrays import FloatArray
-from smadrive.runs.plot_style import (
-    COOLING,
-    ESTIMATED,
-    FAINT,
-    HEATING,
-    LIMIT,
-    MEASURED,
-    SETPOINT,
-    legend,
-    panels,
-)
+from smadrive.runs.plot_style import legend, panels
 from smadrive.runs.report import Plot
 from smadrive.wire.health.entry import Estimate, HealthEntry
 

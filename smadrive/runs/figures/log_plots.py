@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from smadrive.display.colours import AT_LIMIT, COOLING, ESTIMATED, FAINT, HEATING, LIMIT, MEASURED, SETPOINT, SHADE
 from smadrive.hysteresis import HysteresisModel
 from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.columns import COLUMNS
@@ -17,18 +18,7 @@ from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.caveats import tracking_caveats
 from smadrive.runs.metrics.run import is_virtual
 from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
-from smadrive.runs.plot_style import (
-    COOLING,
-    ESTIMATED,
-    FAINT,
-    HEATING,
-    LIMIT,
-    MEASURED,
-    SETPOINT,
-    legend,
-    line,
-    panels,
-)
+from smadrive.runs.plot_style import legend, line, panels
 from smadrive.runs.report import Plot
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import rig_config_of, wire_of
@@ -87,7 +77,7 @@ def draw_error(ax: Axes, log: Log, colour: str) -> None:
     """Draw the tracking error. The approach, which is not scored, is shaded."""
     line(ax, log.column("time_s"), error_percent(log), color=colour, lw=0.9)
     ax.axhline(0.0, color=SETPOINT, lw=0.6)
-    ax.axvspan(0.0, scored_from_s(log), color="#f0f2f5", lw=0)
+    ax.axvspan(0.0, scored_from_s(log), color=SHADE, lw=0)
     ax.set_ylabel("error / % of stroke")
 
 
@@ -175,4 +165,4 @@ def _shade(ax: Axes, time_s: FloatArray, where: NDArray[np.bool_]) -> None:
     """Shade the time ranges in which `where` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], where, [False])).astype(np.int8)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
-        ax.axvspan(time_s[begin], time_s[min(end, time_s.size - 1)], color="#fdf0d5", lw=0)
+        ax.axvspan(time_s[begin], time_s[min(end, time_s.size - 1)], color=AT_LIMIT, lw=0)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from matplotlib.axes import Axes
 
+from smadrive.display.colours import ARMING, ESTIMATED, FAINT, HEATING, HOLDING, LIMIT, MEASURED, RULE, SETPOINT
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.log.reader import Log
-from smadrive.runs.plot_style import ESTIMATED, FAINT, HEATING, LIMIT, MEASURED, SETPOINT, legend, line, panels
+from smadrive.runs.plot_style import legend, line, panels
 from smadrive.runs.report import Grid, Plot
 from smadrive.runs.session_record import spans_of, tunings_of
 
 _COLOURS = {
-    "idle": "#e4e7eb",
-    "ended": "#e4e7eb",
-    "arming": "#fdf0d5",
-    "holding": "#f2c879",
+    "idle": RULE,
+    "ended": RULE,
+    "arming": ARMING,
+    "holding": HOLDING,
     "tracking": ESTIMATED,
     "comparing": MEASURED,
     "tripped": LIMIT,

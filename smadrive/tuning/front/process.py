@@ -32,7 +32,7 @@ from tornado.iostream import IOStream
 from tornado.web import Application
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from smadrive.errors import ConfigError
+from smadrive.files.extras import check_extra
 from smadrive.stream.child import report_ready, run
 from smadrive.tuning.front.gate import GatedHandler, StaticHandler, UnknownPath
 from smadrive.tuning.front.relay import CHUNK_BYTES, PageHandler, PageSocketHandler, Relay
@@ -200,13 +200,14 @@ async def serve(parameters: dict[str, Any]) -> None:
 
 
 def bokeh_static() -> Path:
-    """Return the folder of bokeh's scripts. ConfigError when bokeh is not installed.
+    """Return the folder of bokeh's scripts. ConfigError when the extra `tune` is not installed.
 
     bokeh itself is not imported, because the import would take half a second.
     """
+    check_extra("tune", "the page")
     package = find_spec("bokeh")
-    if package is None or package.origin is None:
-        raise ConfigError("the tuning page needs bokeh", cure="install it with pip install 'smadrive[tune]'")
+    assert package is not None
+    assert package.origin is not None
     return Path(package.origin).parent / "server" / "static"
 
 

@@ -11,15 +11,16 @@ from collections.abc import Callable
 
 from bokeh.models import Row, Slider, Spinner
 
-HANDS_OFF_S = 1.0
+from smadrive.display.colours import PAGE_ACCENT
 
-ACCENT = "#0b8f87"
-"""The colour of active controls and of measured values."""
+HANDS_OFF_S = 1.0
 
 COMPACT = f"""
 :host {{ font-size: 12px; }} .bk-input, .bk-btn {{ min-height: 26px; padding: 2px 8px; }}
-.bk-btn-primary, .bk-btn-primary:is(:hover, :active, :focus) {{ background: {ACCENT}; border-color: {ACCENT}; }}
-.noUi-target:not([disabled]) .noUi-connect {{ background: {ACCENT}; }}
+.bk-btn-primary, .bk-btn-primary:is(:hover, :active, :focus) {{
+  background: {PAGE_ACCENT}; border-color: {PAGE_ACCENT};
+}}
+.noUi-target:not([disabled]) .noUi-connect {{ background: {PAGE_ACCENT}; }}
 """
 """Style of compact widgets.
 
@@ -42,7 +43,7 @@ class Knob:
             value=0.5,
             step=step,
             show_value=False,
-            bar_color=ACCENT,
+            bar_color=PAGE_ACCENT,
             sizing_mode="stretch_width",
         )
         self._field = Spinner(value=0.5, step=step, width=84, format="0.[000]", align="end")

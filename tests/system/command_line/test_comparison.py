@@ -11,13 +11,14 @@ from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine, triangle
+from smadrive.display.colours import RUN_COLOURS
 from smadrive.errors import DataError
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig.config import FeedbackConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.comparison.comparison import MOST_RUNS, RunComparison
 from smadrive.runs.comparison.settings import MODEL, MOST_VALUES, counted, settings_of
-from smadrive.runs.figures.comparison_plots import COLOURS, comparison_plots
+from smadrive.runs.figures.comparison_plots import comparison_plots
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_step, record_tracking
 from smadrive.wire.wire_model import WireModel
@@ -108,7 +109,7 @@ def test_runs_of_different_kinds_are_compared(folder):
     assert [plot.title for plot in plots] == ["Displacement", "Heat", "Temperature and displacement"]
     displacement, error = plots[0].figure.axes
     colours = [one.get_color() for one in displacement.lines if one.get_linestyle() == "-"]
-    assert colours == list(COLOURS[:3])
+    assert colours == list(RUN_COLOURS[:3])
     assert len(error.lines) == 3  # two runs with a setpoint, and zero
 
 

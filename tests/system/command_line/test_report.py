@@ -13,7 +13,7 @@ import pytest
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
-from smadrive.cli.views.reports.demo_report import _error_plot
+from smadrive.cli.views.reports.demo_report import DemoRun, _error_plot
 from smadrive.cli.views.reports.log_report import write_log_report
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse
@@ -115,7 +115,7 @@ def test_page_of_a_complete_run_has_its_metrics_and_configuration(logs):
 def test_plot_of_the_demo_has_the_error_of_its_table(logs):
     log = read_log(logs / "complete.h5")
     figures = tracking_metrics(log, LoopMetrics())
-    plot = _error_plot([("inverse", log, figures), ("plain map", log, figures)])
+    plot = _error_plot([DemoRun(name, log, figures) for name in ("inverse", "plain map")])
     for panel in plot.figure.axes:
         shown, (approach,) = panel.lines[0].get_ydata(), panel.patches
         assert np.nanmax(np.abs(shown)) == pytest.approx(figures.max_percent)

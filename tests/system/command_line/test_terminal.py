@@ -115,7 +115,7 @@ def test_display_has_values_limits_faults_and_events(recorder):
     view.latest = tick(device_limits=("voltage",), host_limits=("derate",), device_faults=("watchdog",))
     lines = " ".join(str(view.__rich__()).split())
     for shown in (
-        *("34.2 of 122.0 s", "reference 4.210 mm", "displacement 4.200 mm", "error 0.010 mm", "setpoint 84.3 °C"),
+        *("34.2 of 122.0 s", "setpoint 4.210 mm", "displacement 4.200 mm", "error 0.010 mm", "wire setpoint 84.3 °C"),
         *("temperature 84.1 °C", "late 1.2 ms", "current 0.200 A", "limit 0.600 A", "limited by voltage, derate"),
         *("faults watchdog", "limited by voltage for the first time"),
     ):
@@ -131,7 +131,7 @@ def test_display_fits_a_narrow_terminal(recorder, width):
     assert max(map(len, lines)) <= width
     assert len(view.__rich__().wrap(Console(width=width), width)) == len(lines)
     shown = " ".join(" ".join(lines).split())
-    for value in ("34.2 of 122.0 s", "reference 4.210 mm", "error 0.010 mm", "limited by nothing", "0.00 s: disarmed"):
+    for value in ("34.2 of 122.0 s", "setpoint 4.210 mm", "error 0.010 mm", "limited by nothing", "0.00 s: disarmed"):
         assert value in shown
 
 

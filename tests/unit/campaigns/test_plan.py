@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from smadrive.campaigns.checks import check_plan
+from smadrive.campaigns.campaign import check_plan
 from smadrive.campaigns.execution.cluster import check_address
 from smadrive.campaigns.execution.scheduling import groups_of
 from smadrive.campaigns.experiments.run import identification_key

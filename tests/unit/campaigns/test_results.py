@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from smadrive.campaigns.experiments.columns import STATE, outcome_row
 from smadrive.campaigns.experiments.run import Effort, RunResult
 from smadrive.campaigns.results.report import write_campaign_report
 from smadrive.campaigns.results.sensitivity import sensitivities
@@ -84,3 +85,19 @@ def test_the_page_shows_axes_errors_and_sensitivity(plan, tmp_path, failed):
     assert ("By rig.rate_hz" in page, "Distribution" in page, "Sensitivity" in page) == (failed < 60,) * 3
     assert "By seed" not in page
     assert "digest" in page
+
+
+@pytest.mark.parametrize(
+    ("row", "values"),
+    [
+        (outcome_row("done"), ("done", "", "")),
+        (outcome_row("failed", ValueError()), ("failed", "ValueError", "")),
+        (outcome_row("tripped", ValueError("too hot")), ("tripped", "ValueError", "too hot")),
+        (
+            outcome_row("failed", ValueError("pickled"), "the workers died"),
+            ("failed", "ValueError", "the workers died"),
+        ),
+    ],
+)
+def test_outcome_has_the_columns_of_the_state_of_a_run(row, values):
+    assert row == dict(zip(STATE, values, strict=True))

@@ -3,49 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from smadrive.cli.views.metrics_table import HEADER, table_row
+from smadrive.display.colours import COOLING, ESTIMATED, FAINT, HEATING, MEASURED, RUN_COLOURS, SETPOINT
 from smadrive.identification.wire import WireFit
 from smadrive.runs.figures.log_plots import NOT_SCORED, draw_error
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.run import TrackingMetrics
-from smadrive.runs.plot_style import (
-    COOLING,
-    ESTIMATED,
-    FAINT,
-    HEATING,
-    MEASURED,
-    SETPOINT,
-    legend,
-    line,
-    panels,
-)
+from smadrive.runs.plot_style import legend, line, panels
 from smadrive.runs.report import Grid, Notes, Plot, write_report
 
-ArmView = tuple[str, Log, TrackingMetrics]
 
-ARM_COLOURS = (MEASURED, ESTIMATED)
+@dataclass(frozen=True)
+class DemoRun:
+    """One tracking run of the demo."""
+
+    name: str
+    log: Log
+    metrics: TrackingMetrics
 
 
-def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence[ArmView]) -> None:
-    """Write the page. `arms` are (name, log, metrics) of both tracking runs; the run with the inverse comes first."""
-    rows = [
-        (name, f"{f.rms_percent:.2f} %", f"{f.max_percent:.2f} %", str(f.trips), str(f.missed_deadlines))
-        for name, _, f in arms
-    ]
+def write_demo_report(path: Path, wire: WireFit, excitation: Log, runs: Sequence[DemoRun]) -> None:
+    """Write the page. `runs` are both tracking runs; the run with the inverse comes first."""
     write_report(
         path,
         "smadrive demo: tracking with a simulated SMA wire",
         "Errors are setpoint minus displacement, in percent of the stroke. Both runs use the displacement sensor to "
         "correct their estimate of the wire.",
         [
-            Grid(("run", "RMS error", "max error", "trips", "missed deadlines"), rows),
+            Grid(("run", *HEADER[1:]), [table_row(run.name, run.metrics) for run in runs]),
             _loop_plot(wire, excitation),
-            _tracking_plot(arms),
-            _error_plot(arms),
-            _temperature_plot(arms),
+            _tracking_plot(runs),
+            _error_plot(runs),
+            _temperature_plot(runs),
             Notes(_notes(wire, excitation)),
         ],
     )
@@ -85,11 +79,12 @@ def _loop_plot(wire: WireFit, excitation: Log) -> Plot:
     )
 
 
-def _tracking_plot(arms: Sequence[ArmView]) -> Plot:
+def _tracking_plot(runs: Sequence[DemoRun]) -> Plot:
     figure, (ax,) = panels((3.6,))
-    for (name, log, _), colour in zip(arms, ARM_COLOURS, strict=True):
-        line(ax, log.column("time_s"), log.column_with_gaps("displacement_mm"), color=colour, label=name)
-    _, first, _ = arms[0]
+    for run, colour in zip(runs, RUN_COLOURS, strict=False):
+        log = run.log
+        line(ax, log.column("time_s"), log.column_with_gaps("displacement_mm"), color=colour, label=run.name)
+    first = runs[0].log
     line(
         ax,
         first.column("time_s"),
@@ -108,19 +103,20 @@ def _tracking_plot(arms: Sequence[ArmView]) -> Plot:
     )
 
 
-def _error_plot(arms: Sequence[ArmView]) -> Plot:
-    figure, axes = panels((1.9,) * len(arms))
-    for ax, (name, log, metrics), colour in zip(axes, arms, ARM_COLOURS, strict=True):
-        draw_error(ax, log, colour)
-        title = f"{name}: {metrics.rms_percent:.2f} % RMS, {metrics.max_percent:.2f} % max"
+def _error_plot(runs: Sequence[DemoRun]) -> Plot:
+    figure, axes = panels((1.9,) * len(runs))
+    for ax, run, colour in zip(axes, runs, RUN_COLOURS, strict=False):
+        draw_error(ax, run.log, colour)
+        title = f"{run.name}: {run.metrics.rms_percent:.2f} % RMS, {run.metrics.max_percent:.2f} % max"
         ax.set_title(title, loc="left", fontsize=10)
     axes[-1].set_xlabel("time / s")
     return Plot("Error", figure, f"{NOT_SCORED} Each run has a scale of its own.")
 
 
-def _temperature_plot(arms: Sequence[ArmView]) -> Plot:
+def _temperature_plot(runs: Sequence[DemoRun]) -> Plot:
     figure, (upper, lower) = panels((2.4, 1.8))
-    name, log, _ = arms[0]
+    run = runs[0]
+    log = run.log
     time_s = log.column("time_s")
     line(upper, time_s, log.column_with_gaps("temperature_c"), color=FAINT, lw=1.6, label="thermocouple")
     line(upper, time_s, log.column_with_gaps("estimated_c"), color=ESTIMATED, label="wire, estimated")
@@ -130,7 +126,7 @@ def _temperature_plot(arms: Sequence[ArmView]) -> Plot:
     line(lower, time_s, 1e3 * log.column_with_gaps("current_a"), color=MEASURED, lw=0.9)
     lower.set(xlabel="time / s", ylabel="heater current / mA")
     return Plot(
-        f"Temperature and current of the run with the {name}",
+        f"Temperature and current of the run with the {run.name}",
         figure,
         "At every turning point the wire must cross the width of the loop before it moves again.",
     )

@@ -8,19 +8,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from smadrive.display.colours import COOLING, ESTIMATED, FAINT, HEATING, MEASURED, SETPOINT, SHADE
 from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem
+from smadrive.identification.paper import PAPER_ERROR
 from smadrive.numerics.arrays import FloatArray
-from smadrive.runs.plot_style import (
-    COOLING,
-    ESTIMATED,
-    FAINT,
-    HEATING,
-    MEASURED,
-    SETPOINT,
-    legend,
-    panels,
-    side_by_side,
-)
+from smadrive.runs.plot_style import legend, panels, side_by_side
 from smadrive.runs.report import Grid, Listing, Notes, Plot, write_report
 
 HEADER = ("22 rules", "major loop", "mixed loop", "unseen, median", "unseen, worst")
@@ -101,7 +93,7 @@ def _memberships(*models: TSFuzzyDuhem) -> Figure:
 def _errors(duhem: DuhemModel, models: Mapping[str, TSFuzzyDuhem], loops: Mapping[str, FloatArray]) -> Figure:
     figure, axes = panels((2.6, 2.6), share_x=False)
     for ax, (name, v) in zip(axes, loops.items(), strict=True):
-        ax.axhspan(-1.2, 1.0, color="#f0f2f5")
+        ax.axhspan(*PAPER_ERROR, color=SHADE)
         for (label, model), colour in zip(models.items(), (FAINT, ESTIMATED, MEASURED), strict=True):
             ax.plot(model.simulate(v) - duhem.simulate(v), color=colour, lw=1.0, label=label)
         ax.set(xlabel="sample", ylabel="error")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
 
+from smadrive.display.colours import PAGE_AXIS, PAGE_GRID, PAGE_LIMIT, PAGE_SOFT_TEXT
+
 WIDTHS = (5.0, 2.8, 1.0)
 """Widths of the lines of one plot, from the lowest to the uppermost."""
-
-LIMIT, GRID = "#c0392b", "#e6eaee"
 
 
 def plain_figure(name: str, label: str, tools: str = "", **ranges: object) -> figure:
@@ -29,10 +29,10 @@ def plain_figure(name: str, label: str, tools: str = "", **ranges: object) -> fi
     plot.yaxis.axis_label = label
     plot.axis.axis_label_text_font_style = "normal"
     plot.axis.axis_label_text_font_size = plot.axis.major_label_text_font_size = "11px"
-    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = "#5b6b79"
-    plot.axis.axis_line_color = plot.axis.major_tick_line_color = "#c3ccd4"
+    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = PAGE_SOFT_TEXT
+    plot.axis.axis_line_color = plot.axis.major_tick_line_color = PAGE_AXIS
     plot.axis.minor_tick_line_color = None
-    plot.grid.grid_line_color = GRID
+    plot.grid.grid_line_color = PAGE_GRID
     plot.min_border_left, plot.min_border_right = 58, 12  # the time axes are aligned
     return plot
 
@@ -48,4 +48,4 @@ def lines(plot: figure, source: ColumnDataSource, **traces: str) -> None:
 
 def limit(plot: figure, at: float) -> None:
     """Draw a limit as a dashed horizontal line at the value `at`."""
-    plot.add_layout(Span(location=at, dimension="width", line_color=LIMIT, line_dash="dashed", line_width=1.5))
+    plot.add_layout(Span(location=at, dimension="width", line_color=PAGE_LIMIT, line_dash="dashed", line_width=1.5))

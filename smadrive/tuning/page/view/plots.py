@@ -9,20 +9,12 @@ import numpy as np
 from bokeh.models import ColumnDataSource, Range1d, Span
 from bokeh.plotting import figure
 
+from smadrive.display.colours import PAGE_COOLING, PAGE_ESTIMATED, PAGE_HEATING, PAGE_MEASURED, PAGE_SETPOINT
 from smadrive.hysteresis import IdentifiedModel, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.stream.samples import Rows
 from smadrive.tuning.page.view.error_axis import error_axis
 from smadrive.tuning.page.view.figures import lines, plain_figure
-from smadrive.tuning.page.view.time_plots import (
-    COLUMN,
-    DRAWN,
-    ESTIMATED,
-    MEASURED,
-    POINTS,
-    SETPOINT,
-    TimePlots,
-    show_time_axis,
-)
+from smadrive.tuning.page.view.time_plots import COLUMN, DRAWN, POINTS, TimePlots, show_time_axis
 
 MOVED = 0.004
 """The measured loop gets a new point when the wire has moved by this share of an axis."""
@@ -30,8 +22,6 @@ MOVED = 0.004
 BRANCH_POINTS = 200
 ERROR_TICKS = 4
 """Approximate number of ticks at the axis of the error. Its plot is low, and more numbers would overlap."""
-
-HEATING, COOLING = "#d1495b", "#3a7ca5"
 
 
 class Plots(TimePlots):
@@ -120,7 +110,7 @@ class Plots(TimePlots):
             centres = [f"{centre:.1f}" for centre in rules.sets.centres]
             if self._fired.x_range.factors != centres:
                 self._fired.x_range.factors = centres
-            colour = HEATING if wire_c >= _wire_c(before) else COOLING
+            colour = PAGE_HEATING if wire_c >= _wire_c(before) else PAGE_COOLING
             strengths = rules.sets.weights(np.array([wire_c]))[0]
             self._rules.data = {"set": centres, "strength": strengths, "colour": [colour] * len(centres)}
 
@@ -149,19 +139,21 @@ class Plots(TimePlots):
     def _error(self) -> figure:
         plot = self._over_time("error", "error / %", self._error_range)
         plot.yaxis.ticker.desired_num_ticks = ERROR_TICKS
-        lines(plot, self.time, error_percent=HEATING)
-        plot.add_layout(Span(location=0.0, dimension="width", line_color=SETPOINT, line_width=1))
+        lines(plot, self.time, error_percent=PAGE_HEATING)
+        plot.add_layout(Span(location=0.0, dimension="width", line_color=PAGE_SETPOINT, line_width=1))
         show_time_axis(plot)
         return plot
 
     def _plane(self) -> figure:
         plot = plain_figure("plane", "displacement / mm", x_range=self._plane_c, y_range=self._plane_mm)
         plot.xaxis.axis_label = "temperature of the wire / °C"
-        plot.line("v", "heating", source=self._branches, color=HEATING, line_width=2, alpha=0.75)
-        plot.line("v", "cooling", source=self._branches, color=COOLING, line_width=2, alpha=0.75)
-        plot.line("v", "y", source=self._loop, color=MEASURED, line_width=1.3)
-        plot.scatter("v", "y", source=self._turning_points, marker="square", size=7, fill_alpha=0.0, color=ESTIMATED)
-        plot.scatter("v", "y", source=self._state, size=11, color=ESTIMATED, line_color="white", line_width=1.5)
+        plot.line("v", "heating", source=self._branches, color=PAGE_HEATING, line_width=2, alpha=0.75)
+        plot.line("v", "cooling", source=self._branches, color=PAGE_COOLING, line_width=2, alpha=0.75)
+        plot.line("v", "y", source=self._loop, color=PAGE_MEASURED, line_width=1.3)
+        plot.scatter(
+            "v", "y", source=self._turning_points, marker="square", size=7, fill_alpha=0.0, color=PAGE_ESTIMATED
+        )
+        plot.scatter("v", "y", source=self._state, size=11, color=PAGE_ESTIMATED, line_color="white", line_width=1.5)
         return plot
 
     def _firing(self) -> figure:

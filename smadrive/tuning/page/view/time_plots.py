@@ -8,6 +8,7 @@ from __future__ import annotations
 from bokeh.models import ColumnDataSource, DataRange1d, Range, Range1d
 from bokeh.plotting import figure
 
+from smadrive.display.colours import PAGE_ESTIMATED, PAGE_MEASURED, PAGE_SETPOINT
 from smadrive.stream.samples import COLUMNS, Rows
 from smadrive.tuning.page.view.figures import limit, lines, plain_figure
 
@@ -28,8 +29,6 @@ DRAWN = (
     "commanded_a",
 )
 """The columns that are drawn over time."""
-
-SETPOINT, MEASURED, ESTIMATED = "#22303c", "#0b8f87", "#e8890c"
 
 COLUMN = {name: number for number, name in enumerate(COLUMNS)}
 """The index of each column in a row, by the name of the column."""
@@ -98,18 +97,18 @@ class TimePlots:
 
     def _displacement(self, axis: Range) -> figure:
         plot = self._over_time("displacement", "displacement / mm", axis)
-        lines(plot, self.time, estimated_mm=ESTIMATED, displacement_mm=MEASURED, setpoint_mm=SETPOINT)
+        lines(plot, self.time, estimated_mm=PAGE_ESTIMATED, displacement_mm=PAGE_MEASURED, setpoint_mm=PAGE_SETPOINT)
         return plot
 
     def _temperature(self, axis: Range, temperature_max_c: float) -> figure:
         plot = self._over_time("temperature", "temperature / °C", axis)
-        lines(plot, self.time, estimated_c=ESTIMATED, temperature_c=MEASURED, setpoint_c=SETPOINT)
+        lines(plot, self.time, estimated_c=PAGE_ESTIMATED, temperature_c=PAGE_MEASURED, setpoint_c=PAGE_SETPOINT)
         limit(plot, temperature_max_c)
         return plot
 
     def _current(self, current_max_a: float) -> figure:
         plot = self._over_time("current", "current / A", Range1d(-0.03 * current_max_a, 1.1 * current_max_a))
-        lines(plot, self.time, current_a=MEASURED, commanded_a=SETPOINT)
+        lines(plot, self.time, current_a=PAGE_MEASURED, commanded_a=PAGE_SETPOINT)
         limit(plot, current_max_a)
         return plot
 

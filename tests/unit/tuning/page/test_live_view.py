@@ -5,11 +5,11 @@ from math import nan
 import numpy as np
 import pytest
 
+from smadrive.display.colours import PAGE_ESTIMATED, PAGE_MEASURED, PAGE_SETPOINT
 from smadrive.stream.samples import COLUMNS
 from smadrive.tuning.page.view.error_axis import LEAST_PERCENT, error_axis
 from smadrive.tuning.page.view.live_numbers import NONE, OLD_S, LiveNumbers, measured_numbers, tracking_numbers
 from smadrive.tuning.page.view.plots import Plots
-from smadrive.tuning.page.view.time_plots import ESTIMATED, MEASURED, SETPOINT
 from tests.unit.tuning.conftest import true_wire
 
 MEASURED_ROW = {
@@ -141,6 +141,6 @@ def test_turning_points_are_marked_on_the_loop_of_the_model(plots):
 def test_setpoint_and_measured_are_drawn_above_estimated(plots):
     for name in ("displacement", "temperature"):
         plot = next(figure for figure in plots.figures if figure.name == name)
-        assert [line.glyph.line_color for line in plot.renderers] == [ESTIMATED, MEASURED, SETPOINT]
+        assert [line.glyph.line_color for line in plot.renderers] == [PAGE_ESTIMATED, PAGE_MEASURED, PAGE_SETPOINT]
         widths = [line.glyph.line_width for line in plot.renderers]
         assert widths == sorted(widths, reverse=True)
