@@ -5,13 +5,13 @@ from __future__ import annotations
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shut_down
 from smadrive.stream.feed import TickFeed
-from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.link.channel import DriverEnd
 
 
 class WatchFeed(TickFeed):
     """Sends the measurements of a rig, whose heater is off, to the pages through `channel`."""
 
-    def __init__(self, rig: Rig, channel: ControlEnd) -> None:
+    def __init__(self, rig: Rig, channel: DriverEnd) -> None:
         nothing = dict.fromkeys(("end", "lost", "fault", "fault_type", "fault_s"))
         super().__init__(channel, rig.config, rig.identities, latched=rig.latch.read(), mode="off", **nothing)
         self._rig = rig

@@ -18,7 +18,7 @@ from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.run_view import drawing, number
 from smadrive.control.loop import Tick
 from smadrive.errors import ConfigError
-from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.link.channel import DriverEnd
 from smadrive.tuning.processes import TuningPage
 
 CHECK_PERIOD_S = 0.2
@@ -39,7 +39,7 @@ class TuneView:
     could not be restarted.
     """
 
-    def __init__(self, name: str, page: TuningPage, channel: ControlEnd) -> None:
+    def __init__(self, name: str, page: TuningPage, channel: DriverEnd) -> None:
         self._name = name
         self._page = page
         self._channel = channel

@@ -28,7 +28,7 @@ from smadrive.safety.arming_checks import check_thermocouple
 from smadrive.safety.shutdown import ends_safe, shutdown_of
 from smadrive.stream.samples import row_of
 from smadrive.tuning.builder.build import ModelBuilder, tuned_controller
-from smadrive.tuning.link.channel import MESSAGES_PER_TICK, ControlEnd
+from smadrive.tuning.link.channel import MESSAGES_PER_TICK, DriverEnd
 from smadrive.tuning.session.adaptation_runner import AdaptationRunner, impossible_with
 from smadrive.tuning.session.arming import Arming
 from smadrive.tuning.session.changes.change_queue import ChangeQueue
@@ -60,7 +60,7 @@ class TuningSession:
         tuning: Tuning,
         wire: WireProperties,
         references: Mapping[str, Reference],
-        channel: ControlEnd,
+        channel: DriverEnd,
         builder: ModelBuilder,
         record: TickHandler,
         recorder: TickRecorder | None = None,

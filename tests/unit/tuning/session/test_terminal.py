@@ -15,8 +15,8 @@ WITHOUT_PAGE = "no page is open: the run continues; Ctrl-C or `curl -X POST http
 
 @pytest.fixture
 def view(rig):
-    page = TuningPage(rig.control, port=5006, token=TOKEN, rig_file=Path("rig.toml"), folder=Path())
-    return TuneView("a wire", page, rig.control)
+    page = TuningPage(rig.driver_end, port=5006, token=TOKEN, rig_file=Path("rig.toml"), folder=Path())
+    return TuneView("a wire", page, rig.driver_end)
 
 
 def run(rig, view, until_s):
