@@ -18,6 +18,8 @@ from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.run_view import drawing, number
 from smadrive.control.loop import Tick
 from smadrive.errors import ConfigError
+from smadrive.safety.shutdown import off_text
+from smadrive.stream.published_state import PublishedMode
 from smadrive.tuning.link.channel import DriverEnd
 from smadrive.tuning.processes import TuningPage
 
@@ -25,10 +27,10 @@ CHECK_PERIOD_S = 0.2
 """The time between two checks for a change."""
 
 _HEATER = {
-    "off": "heater off",
-    "holding": "armed, holding",
-    "tracking": "armed, tracking",
-    "off, unconfirmed": "the heater could NOT be confirmed off: cut its supply",
+    PublishedMode.OFF: "heater off",
+    PublishedMode.HOLDING: "armed, holding",
+    PublishedMode.TRACKING: "armed, tracking",
+    PublishedMode.UNCONFIRMED: off_text(confirmed=False),
 }
 
 
@@ -69,7 +71,8 @@ class TuneView:
 
     def _lines(self) -> list[str]:
         status = self._channel.published
-        lines = [_HEATER[status["mode"]], self._pages(heats=status["mode"] in {"holding", "tracking"})]
+        mode = PublishedMode(status["mode"])
+        lines = [_HEATER[mode], self._pages(heats=mode.heats)]
         if status["fault"]:
             lines.append(f"fault: {status['fault']}")
         if status["lost"]:

@@ -8,6 +8,7 @@ from typing import Any
 
 from bokeh.models import Button, Select, Spinner, TextInput
 
+from smadrive.stream.published_state import PublishedMode
 from smadrive.tuning.page.button_events import ButtonEvents
 from smadrive.tuning.page.knob import COMPACT, Knob
 from smadrive.tuning.page.rules_table import RulesTable
@@ -78,13 +79,13 @@ class Controls:
 
         `on` is True if this client controls; `status` is the published status.
         """
-        mode, comparison = status["mode"], status["comparison"]
-        heats, compares = mode in {"holding", "tracking"}, comparison["on"]
+        mode, comparison = PublishedMode(status["mode"]), status["comparison"]
+        heats, compares = mode.heats, comparison["on"]
         self._is_comparing = compares
         for knob in self.knobs.values():
             knob.enable(on and not compares)
         allowed = {
-            "arm": mode == "off",
+            "arm": mode is PublishedMode.OFF,
             "disarm": heats,
             "clear": not heats,
             "start": heats and not compares,
@@ -93,7 +94,7 @@ class Controls:
             "redo": status["redo"] is not None and not compares,
             "use_a": "A" in comparison["slots"] and not compares,
             "use_b": "B" in comparison["slots"] and not compares,
-            "compare": compares or (mode == "tracking" and len(comparison["slots"]) == 2),
+            "compare": compares or (mode is PublishedMode.TRACKING and len(comparison["slots"]) == 2),
         }
         for name, button in self.buttons.items():
             _set(button, disabled=not (on and allowed.get(name, True)))
