@@ -17,7 +17,7 @@ from smadrive.stream.feed import common_status
 from smadrive.stream.published_state import PublishedEnd, PublishedMode
 from smadrive.tuning.session.changes.comparison import Comparison
 from smadrive.tuning.session.changes.tunings import Tunings
-from smadrive.tuning.session.modes import Mode
+from smadrive.tuning.session.modes import Mode, refused_acts
 from smadrive.tuning.session.session_log import SessionLog
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.wire_model import travel_mm
@@ -101,6 +101,7 @@ class Status:
             **common_status(self._config, self._identities, self.measurement),
             **self._fixed,
             "mode": _PUBLISHED.get(mode, PublishedMode.switched_off(confirmed=self.is_safe)),
+            "refused_acts": list(refused_acts(mode)),
             "end": self.end,
             "fault": self.fault,
             "fault_type": self.fault_type,
