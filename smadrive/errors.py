@@ -33,14 +33,6 @@ from __future__ import annotations
 
 from typing import Any
 
-UNCONFIRMED = "the heater could NOT be confirmed off"
-CUT = (
-    "cut its supply by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
-    "confirm with `smadrive off RIG` that the heater is off"
-)
-"""If current may still flow, an error carries a note. This note begins with `UNCONFIRMED` and ends with `CUT`."""
-
-
 STOPPED = "stopped by"
 """In errors and in the state of a rig, the name of the program that made an emergency stop follows these words."""
 

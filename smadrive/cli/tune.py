@@ -33,7 +33,7 @@ from smadrive.runs.experiments import read_reference
 from smadrive.runs.health.assessment import assess, expected_of
 from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.run_log import WIRE_FILE, record_session
-from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.link.channel import DriverEnd
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
@@ -77,7 +77,7 @@ def main(
     with (
         _named_at_the_end(output) as log_files,
         BuilderProcess() as builder,
-        ControlEnd() as channel,
+        DriverEnd() as channel,
         _publication(publish, config, channel, output) as publication,
         ExitStack() as rig_use,
     ):
@@ -114,7 +114,7 @@ def main(
 
 
 def _publication(
-    url: str | None, config: RigConfig, channel: ControlEnd, output: Output
+    url: str | None, config: RigConfig, channel: DriverEnd, output: Output
 ) -> AbstractContextManager[Publication | None]:
     """Return the context in which the session is published, or an empty one without `--publish`."""
     return nullcontext() if url is None else open_publication(url, config, "tune", channel, output)

@@ -16,12 +16,7 @@ from typing import NamedTuple
 
 from smadrive.runs.log.layout import EVENT_BYTES
 from smadrive.runs.log.reader import Log, RunEvent
-
-SESSION_ENDED = {
-    "off": "session ended: heater off, confirmed",
-    "unconfirmed": "session ended: the heater could NOT be confirmed off: cut its supply",
-}
-"""The last event of a session."""
+from smadrive.safety.shutdown import off_text
 
 _MODE = "mode: "
 _PART_BYTES = EVENT_BYTES - 40
@@ -57,6 +52,11 @@ class Span(NamedTuple):
 def mode_event(mode: str) -> str:
     """Return the text of the event for a new mode."""
     return f"{_MODE}{mode}"
+
+
+def session_ended_event(*, confirmed: bool) -> str:
+    """Return the text of the last event of a session. `confirmed`: read-back confirmed the heater off."""
+    return f"session ended: {off_text(confirmed=confirmed)}"
 
 
 def in_force_event(change: str, model: int, values: Mapping[str, object]) -> str:

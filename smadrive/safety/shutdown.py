@@ -13,10 +13,19 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from smadrive.errors import CUT, UNCONFIRMED, StoppedError
+from smadrive.errors import StoppedError
 from smadrive.interrupts import ABORTS_AT, HeldSignals
 
 CONFIRMED = "the heater is off, confirmed by read-back"
+
+UNCONFIRMED = "the heater could NOT be confirmed off"
+"""If current may still flow, an error carries a note that begins with this text."""
+
+_CUT = "cut its supply"
+_CURE = (
+    f"{_CUT} by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
+    "confirm with `smadrive off RIG` that the heater is off"
+)
 
 _CARRIED_AS = "shutdown"
 """The name of the attribute of an error that holds its ShutdownOutcome."""
@@ -50,12 +59,17 @@ class ShutdownOutcome:
         if self.confirmed:
             return CONFIRMED
         reason = f"given up after {len(self.signals)} signals" if self.aborted else self.failure
-        return f"{UNCONFIRMED} ({reason}): {CUT}"
+        return f"{UNCONFIRMED} ({reason}): {_CURE}"
 
     def obey_signals(self) -> None:
         """Call the program's own handler for the first signal in `signals`; the handler may raise an error."""
         if self.signals:
             signal.raise_signal(self.signals[0])
+
+
+def off_text(*, confirmed: bool) -> str:
+    """Return the text of events and displays after a try to switch off. It is shorter than that of ShutdownOutcome."""
+    return "heater off, confirmed" if confirmed else f"{UNCONFIRMED}: {_CUT}"
 
 
 NOT_TRIED = ShutdownOutcome(RuntimeError("switching off was not tried"))
@@ -134,4 +148,4 @@ def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -
 
 def _note(error: BaseException, outcome: ShutdownOutcome) -> str:
     """Return the note for an unconfirmed outcome. If `error` is the failure itself, the note omits its message."""
-    return f"{UNCONFIRMED}: {CUT}" if outcome.failure is error and not outcome.aborted else str(outcome)
+    return f"{UNCONFIRMED}: {_CURE}" if outcome.failure is error and not outcome.aborted else str(outcome)

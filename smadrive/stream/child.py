@@ -1,8 +1,8 @@
 """The common part of the child processes that supervised_process.py starts.
 
-Their parent is the control process: the driver process that runs the loop. A child reads one line of parameters from
-standard input, and writes one line to standard output when it is ready. Standard input ends when the control process
-closes it or dies. Then the child ends without an error message.
+Their parent is the driver. A child reads one line of parameters from standard input, and writes one line to standard
+output when it is ready. Standard input ends when the driver closes it or dies. Then the child ends without an error
+message.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 
 def run(serve: Callable[[dict[str, Any]], None]) -> None:
-    """Call `serve` with the parameters from standard input. Return if the control process dies before it sends them."""
+    """Call `serve` with the parameters from standard input. Return if the driver dies before it sends them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     line = sys.stdin.readline()
     if line:
@@ -27,7 +27,7 @@ def run(serve: Callable[[dict[str, Any]], None]) -> None:
 
 
 def report_ready() -> None:
-    """Write the line that the control process waits for. BrokenPipeError when the control process has died."""
+    """Write the line that the driver waits for. BrokenPipeError when the driver has died."""
     os.write(sys.stdout.fileno(), b"{}\n")
 
 

@@ -1,10 +1,9 @@
-"""A child process of the control process (the driver process that runs the loop). A child that dies is restarted.
+"""A child process of the driver. A child that dies is restarted.
 
-Work in a thread of the control process would delay the ticks, because Python runs one thread at a time. A child process
-only competes for the processors, where the loop can have priority. The child gets its parameters as one line on its
-standard input, and ends when its standard input ends: when the control process closes it or dies. If the child dies, a
-thread of the control process tries to restart it until a restart succeeds. This thread almost only waits, so it does
-not delay the ticks.
+Work in a thread of the driver would delay the ticks, because Python runs one thread at a time. A child process only
+competes for the processors, where the loop can have priority. The child gets its parameters as one line on its standard
+input, and ends when its standard input ends: when the driver closes it or dies. If the child dies, a thread of the
+driver tries to restart it until a restart succeeds. This thread almost only waits, so it does not delay the ticks.
 """
 
 from __future__ import annotations
@@ -91,7 +90,7 @@ class SupervisedProcess:
             text=True,
             pass_fds=self._fds,
             env={**os.environ, **ONE_THREAD},
-            start_new_session=True,  # Ctrl-C reaches only the control process, which switches off and ends the child
+            start_new_session=True,  # Ctrl-C reaches only the driver, which switches off and ends the child
         )
         try:
             _set_priority(self._process.pid, self._niceness)

@@ -12,10 +12,8 @@ from smadrive.rig.config import RigConfig
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.stream.feed import TickFeed
+from smadrive.stream.published_state import PublishedEnd, PublishedMode
 from smadrive.stream.shared_memory import SharedWriter
-
-OFF, UNCONFIRMED = "off", "off, unconfirmed"
-"""The published `mode`: OFF before the first tick and after the run, UNCONFIRMED if the heater is not confirmed off."""
 
 
 class RunFeed(TickFeed):
@@ -25,10 +23,9 @@ class RunFeed(TickFeed):
     the status says whether the heater is confirmed off. If the rig cannot be opened, nothing is published.
     """
 
-    def __init__(self, writer: SharedWriter, config: RigConfig, mode: str) -> None:
-        super().__init__(
-            writer, config, {}, mode=OFF, began_unix_s=None, **dict.fromkeys(("end", "fault", "fault_type"))
-        )
+    def __init__(self, writer: SharedWriter, config: RigConfig, mode: PublishedMode) -> None:
+        nothing = dict.fromkeys(("began_unix_s", "end", "fault", "fault_type"))
+        super().__init__(writer, config, {}, mode=PublishedMode.OFF, **nothing)
         self._running_mode = mode
         self._has_begun = False
 
@@ -43,11 +40,11 @@ class RunFeed(TickFeed):
         if not self._has_begun:
             return
         outcome = None if error is None else shutdown_of(error)
-        is_off = outcome is None or outcome.confirmed
+        confirmed = outcome is None or outcome.confirmed
         fault = error if isinstance(error, SmadriveError) else None
         self._publish(
-            mode=OFF if is_off else UNCONFIRMED,
-            end="off" if is_off else "unconfirmed",
+            mode=PublishedMode.switched_off(confirmed=confirmed),
+            end=PublishedEnd.switched_off(confirmed=confirmed),
             fault=None if fault is None else str(fault),
             fault_type=None if fault is None else type(fault).__name__,
         )

@@ -20,6 +20,7 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from smadrive.runs.columns import COLUMNS as LOG_COLUMNS
+from smadrive.stream.published_state import PublishedEnd, PublishedMode
 from smadrive.stream.samples import COLUMNS
 
 VERSION = 1
@@ -50,10 +51,10 @@ STATE = {
     "command": MessageField("", "command that runs"),
     "mode": MessageField(
         "",
-        "what the driver does: off, tracking, holding, exciting, heating; "
-        "'off, unconfirmed' when switching off has failed",
+        f"what the driver does: {', '.join(mode for mode in PublishedMode if mode is not PublishedMode.UNCONFIRMED)}; "
+        f"'{PublishedMode.UNCONFIRMED}' when switching off has failed",
     ),
-    "end": MessageField("", "null during the command, then off or unconfirmed"),
+    "end": MessageField("", f"null during the command, then {' or '.join(PublishedEnd)}"),
     "limited_by": MessageField("", "limits that hold the output back now"),
     "rate_hz": MessageField("Hz", "rate of the loop"),
     "limits": MessageField("", "current_max_a and temperature_max_c of the rig file"),

@@ -1,7 +1,7 @@
-"""The live tuning page: a session in the control process, and three child processes.
+"""The live tuning page: a session in the driver, and three child processes.
 
-The control process is the driver process that runs the loop. session/ is the session, front/ answers OFF, page/ shows
-the run and sends requests, builder/ builds models, link/ connects the processes. The page of `smadrive watch` uses
-front/ and page/ without a session; watching.py sends its data. This package may import rig and everything below it.
-Device registers, identification algorithms and anything that the loop would wait for do not belong here.
+session/ is the session, front/ answers OFF, page/ shows the run and sends requests, builder/ builds models, link/
+connects the processes. The page of `smadrive watch` uses front/ and page/ without a session; watching.py sends its
+data. This package may import rig and everything below it. Device registers, identification algorithms and anything that
+the loop would wait for do not belong here.
 """

@@ -1,7 +1,4 @@
-"""Starts and ends the front process, the page process and the model builder process.
-
-They are child processes of the control process: the driver process that runs the loop.
-"""
+"""Starts and ends the front process, the page process and the model builder process: child processes of the driver."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from smadrive.stream.supervised_process import SupervisedProcess
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult
 from smadrive.tuning.builder.packing import pack_request, unpack_result
 from smadrive.tuning.link.address import ADDRESS
-from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.link.channel import DriverEnd
 
 if TYPE_CHECKING:
     from smadrive.tuning.link.message_socket import MessageSocket
@@ -39,8 +36,8 @@ EXTRA = "tune"
 FROZEN_LOOKS = 10
 """The front process is killed after this number of checks without a heartbeat, which is after 1 s.
 
-Checks are counted, not seconds, because the control process itself may be paused. During a pause no check is made, so
-a pause does not kill the front process.
+Checks are counted, not seconds, because the driver itself may be paused. During a pause no check is made, so a pause
+does not kill the front process.
 """
 
 
@@ -51,7 +48,7 @@ class PageProcess(SupervisedProcess):
     session; without it they are pages of `smadrive watch`.
     """
 
-    def __init__(self, channel: ControlEnd, *, port: int, path: str, document: Mapping[str, str]) -> None:
+    def __init__(self, channel: DriverEnd, *, port: int, path: str, document: Mapping[str, str]) -> None:
         parameters = {**_ends(channel), "port": port, "path": path, **document}
         super().__init__(
             "smadrive.tuning.page.process", parameters, tuple(_ends(channel).values()), extra=EXTRA, niceness=NICENESS
@@ -61,7 +58,7 @@ class PageProcess(SupervisedProcess):
 class FrontProcess(SupervisedProcess):
     """Answers OFF on the page's port, and passes page loads on to the socket at `path`."""
 
-    def __init__(self, channel: ControlEnd, listener: socket.socket, path: str) -> None:
+    def __init__(self, channel: DriverEnd, listener: socket.socket, path: str) -> None:
         fds = {**_ends(channel), "listener_fd": listener.fileno()}
         parameters = {**fds, "port": listener.getsockname()[1], "path": path}
         super().__init__(
@@ -88,7 +85,7 @@ class LivePage:
     server: PageProcess
     front: FrontProcess
 
-    def __init__(self, channel: ControlEnd, *, port: int, document: Mapping[str, str]) -> None:
+    def __init__(self, channel: DriverEnd, *, port: int, document: Mapping[str, str]) -> None:
         self._channel = channel
         self._port = port
         self._document = document
@@ -126,7 +123,7 @@ class LivePage:
 class TuningPage(LivePage):
     """The tuning page. It saves new model files and rig files in `folder`. Its address contains `token`."""
 
-    def __init__(self, channel: ControlEnd, *, port: int, token: str, rig_file: Path, folder: Path) -> None:
+    def __init__(self, channel: DriverEnd, *, port: int, token: str, rig_file: Path, folder: Path) -> None:
         document = {"token": token, "rig_file": str(rig_file), "folder": str(folder)}
         super().__init__(channel, port=port, document=document)
         self._token = token
@@ -137,7 +134,7 @@ class TuningPage(LivePage):
         return f"{super().url}?token={self._token}"
 
 
-def _ends(channel: ControlEnd) -> dict[str, int]:
+def _ends(channel: DriverEnd) -> dict[str, int]:
     """Return the file descriptors with which a child opens its `PageEnd` of the channel."""
     return {"memory_fd": channel.memory_fd, "socket_fd": channel.page_socket.fileno()}
 

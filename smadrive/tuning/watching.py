@@ -5,15 +5,17 @@ from __future__ import annotations
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shut_down
 from smadrive.stream.feed import TickFeed
-from smadrive.tuning.link.channel import ControlEnd
+from smadrive.stream.published_state import PublishedEnd, PublishedMode
+from smadrive.tuning.link.channel import DriverEnd
 
 
 class WatchFeed(TickFeed):
     """Sends the measurements of a rig, whose heater is off, to the pages through `channel`."""
 
-    def __init__(self, rig: Rig, channel: ControlEnd) -> None:
+    def __init__(self, rig: Rig, channel: DriverEnd) -> None:
         nothing = dict.fromkeys(("end", "lost", "fault", "fault_type", "fault_s"))
-        super().__init__(channel, rig.config, rig.identities, latched=rig.latch.read(), mode="off", **nothing)
+        latched = rig.latch.read()
+        super().__init__(channel, rig.config, rig.identities, latched=latched, mode=PublishedMode.OFF, **nothing)
         self._rig = rig
         self._channel = channel
         self._publish()
@@ -28,4 +30,4 @@ class WatchFeed(TickFeed):
     def end(self) -> None:
         """Enter the safe state once more, and report to the pages whether it is confirmed."""
         outcome = shut_down(self._rig.heater.enter_safe_state)
-        self._publish(end="off" if outcome.confirmed else "unconfirmed")
+        self._publish(end=PublishedEnd.switched_off(confirmed=outcome.confirmed))

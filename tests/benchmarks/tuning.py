@@ -46,7 +46,7 @@ from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.stream.samples import COLUMNS
 from smadrive.testing.simulator import ServedSimulator
-from smadrive.tuning.link.channel import ControlEnd, PageEnd
+from smadrive.tuning.link.channel import DriverEnd, PageEnd
 from smadrive.tuning.page.view.plots import POINTS
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
@@ -71,13 +71,13 @@ class Ended(BaseException):
     """The exception that ends the session."""
 
 
-def control(script, rate_hz):
-    """Run the control process: the loop, and a thread that sleeps until the script requests a page, or has ended."""
+def drive(script, rate_hz):
+    """Run the driver: the loop, and a thread that sleeps until the script requests a page, or has ended."""
     with ExitStack() as stack:
         simulator = stack.enter_context(ServedSimulator("flexinol-lt-0.15mm", real_time=True, tcp=True))
         config = load_rig("simulated").at(simulator.url).model_copy(update={"rate_hz": rate_hz})
         builder = stack.enter_context(BuilderProcess())
-        channel = stack.enter_context(ControlEnd())
+        channel = stack.enter_context(DriverEnd())
         rig = stack.enter_context(Rig(config))
         tuning = Tuning.of(TSFuzzyDuhem.from_duhem(WIRE, TriangularSets(CENTRES)), config.feedback, "as loaded")
         references = {"sine": sine(low_mm=2.0, high_mm=9.0, period_s=30.0, cycles=1)}
@@ -373,9 +373,9 @@ if __name__ == "__main__":
         )
     else:
         if "--browser" in sys.argv:
-            control("load", LOAD_RATE_HZ)
+            drive("load", LOAD_RATE_HZ)
         if "--off" in sys.argv:
-            control("off", OFF_RATE_HZ)
+            drive("off", OFF_RATE_HZ)
         else:
-            control("lateness", RATE_HZ)
+            drive("lateness", RATE_HZ)
         print(json.dumps({"load average": os.getloadavg()}))

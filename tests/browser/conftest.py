@@ -17,7 +17,7 @@ from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.testing.simulator import ServedSimulator
-from smadrive.tuning.link.channel import ControlEnd, PageEnd
+from smadrive.tuning.link.channel import DriverEnd, PageEnd
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
@@ -50,7 +50,7 @@ class Ended(BaseException):
 
 
 class Session:
-    """The control process in a thread of the test: `ticks` are those of the loop, `session` is the session itself."""
+    """The driver in a thread of the test: `ticks` are those of the loop, `session` is the session itself."""
 
     def __init__(self, folder):
         self.ticks = []
@@ -62,7 +62,7 @@ class Session:
         simulator = self._stack.enter_context(ServedSimulator("flexinol-lt-0.15mm"))
         rig = Rig(load_rig("simulated").at(simulator.url), PacedClock(simulator.clock))
         self.rig = self._stack.enter_context(rig)
-        self.channel = channel = self._stack.enter_context(ControlEnd())
+        self.channel = channel = self._stack.enter_context(DriverEnd())
         builder = self._stack.enter_context(BuilderProcess())
         tuning = Tuning.of(rules(), self.rig.config.feedback, "as loaded")
         references = {"sine": sine(low_mm=2.0, high_mm=9.0, period_s=30.0, cycles=1)}

@@ -32,7 +32,7 @@ def test_second_client_watches_until_the_first_leaves(client, live):
     assert outsider.get_by_role("button", name="Arm", exact=True).is_disabled()
 
 
-def test_control_process_knows_how_many_pages_are_open(client, live):
+def test_driver_knows_how_many_pages_are_open(client, live):
     live.wait(lambda: live.channel.pages == (0, False))
     page = client()
     client(token=False)

@@ -8,7 +8,7 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import observe
 from smadrive.testing.simulator import ServedSimulator
-from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.link.channel import DriverEnd
 from smadrive.tuning.processes import LivePage
 from smadrive.tuning.watching import WatchFeed
 
@@ -25,7 +25,7 @@ def watched(context):
     with (
         ServedSimulator("flexinol-lt-0.15mm") as simulator,
         Rig(load_rig("simulated").at(simulator.url), simulator.clock) as rig,
-        ControlEnd() as channel,
+        DriverEnd() as channel,
         ExitStack() as stack,
     ):
         feed = WatchFeed(rig, channel)

@@ -10,7 +10,7 @@ from smadrive.cli.terminal.output import Output
 from smadrive.clock import VirtualClock
 from smadrive.errors import ConfigError
 from smadrive.rig.rig import Rig
-from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.link.channel import DriverEnd
 from smadrive.tuning.processes import LivePage
 from smadrive.tuning.watching import WatchFeed
 
@@ -33,7 +33,7 @@ def watched_on_page(rig: Rig, port: int, output: Output, *, browser: bool) -> It
     At the end of the `with` block, the page shows that the command has ended.
     """
     check_real_time(rig)
-    with ControlEnd() as channel:
+    with DriverEnd() as channel:
         feed = WatchFeed(rig, channel)
         with LivePage(channel, port=port, document={}) as page:
             output.say(f"{rig.config.name}: {page.url}")

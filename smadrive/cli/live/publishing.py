@@ -13,6 +13,7 @@ from smadrive.control.loop import TickHandler
 from smadrive.display.card import count_text
 from smadrive.rig.config import RigConfig
 from smadrive.rig.rig import Rig
+from smadrive.stream.published_state import PublishedMode
 
 if TYPE_CHECKING:
     from smadrive.runs.experiments import Watch
@@ -34,7 +35,12 @@ Publish = Annotated[
 OFF_BY_MQTT = "`off` from the broker"
 """The text after `stopped by` if the message `off` of the broker has stopped the run."""
 
-MODES = {"run": "tracking", "excite": "exciting", "heat": "heating", "watch": "off"}
+MODES = {
+    "run": PublishedMode.TRACKING,
+    "excite": PublishedMode.EXCITING,
+    "heat": PublishedMode.HEATING,
+    "watch": PublishedMode.OFF,
+}
 """The published `mode` of each command while its ticks arrive."""
 
 

@@ -19,17 +19,19 @@ from smadrive.cli.views.run_view import drawing
 from smadrive.control.loop import Tick
 from smadrive.display.card import quantity
 from smadrive.errors import ConfigError
-from smadrive.tuning.link.channel import ControlEnd
+from smadrive.safety.shutdown import off_text
+from smadrive.stream.published_state import PublishedMode
+from smadrive.tuning.link.channel import DriverEnd
 from smadrive.tuning.processes import TuningPage
 
 CHECK_PERIOD_S = 0.2
 """The time between two checks for a change."""
 
 _HEATER = {
-    "off": "heater off",
-    "holding": "armed, holding",
-    "tracking": "armed, tracking",
-    "off, unconfirmed": "the heater could NOT be confirmed off: cut its supply",
+    PublishedMode.OFF: "heater off",
+    PublishedMode.HOLDING: "armed, holding",
+    PublishedMode.TRACKING: "armed, tracking",
+    PublishedMode.UNCONFIRMED: off_text(confirmed=False),
 }
 
 
@@ -40,7 +42,7 @@ class TuneView:
     could not be restarted.
     """
 
-    def __init__(self, name: str, page: TuningPage, channel: ControlEnd) -> None:
+    def __init__(self, name: str, page: TuningPage, channel: DriverEnd) -> None:
         self._name = name
         self._page = page
         self._channel = channel
@@ -70,7 +72,8 @@ class TuneView:
 
     def _lines(self) -> list[str]:
         status = self._channel.published
-        lines = [_HEATER[status["mode"]], self._pages(heats=status["mode"] in {"holding", "tracking"})]
+        mode = PublishedMode(status["mode"])
+        lines = [_HEATER[mode], self._pages(heats=mode.heats)]
         if status["fault"]:
             lines.append(f"fault: {status['fault']}")
         if status["lost"]:

@@ -9,8 +9,7 @@ OFF at the next tick, and limits the number of page loads that it passes to the 
     /static     gives the scripts of bokeh
     /, /ws      are passed on to the page process; 503 while MAX_BUILDS pages are being built or MAX_PAGES are open
 
-The control process (the driver process that runs the loop) owns the listening socket. Requests that arrive while the
-front process is restarted wait in this socket.
+The driver owns the listening socket. Requests that arrive while the front process is restarted wait in this socket.
 """
 
 from __future__ import annotations
@@ -114,12 +113,12 @@ class States:
         return [_sent(page, text) for page in self._sockets]
 
     async def report_changes(self) -> None:
-        """Send a heartbeat to the control process. If the state has changed, send the state to all pages."""
+        """Send a heartbeat to the driver. If the state has changed, send the state to all pages."""
         self._channel.beat_front()
         await asyncio.gather(*self.report())
 
     async def report_end(self) -> None:
-        """Report the published end of the run, or "unknown" if the control process died before it published the end."""
+        """Report the published end of the run, or "unknown" if the driver died before it published the end."""
         published = self._channel.status(-1)
         end = published[1]["end"] if published else None
         with suppress(TimeoutError):

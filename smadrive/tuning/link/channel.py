@@ -1,18 +1,18 @@
-"""The channel: it connects the control process (the driver process that runs the loop), the page and the front process.
+"""The channel: it connects the driver, the page process and the front process.
 
 No process waits for another process. The data of the channel, with writer → reader:
 
-    control → page         rows       a ring in shared memory: new rows overwrite the oldest
-    control → page, front  status     one JSON document in shared memory, which is replaced as a whole
-    front → control, page  OFF        a counter in shared memory, which needs no queue and no answer. A counted OFF is
+    driver → page          rows       a ring in shared memory: new rows overwrite the oldest
+    driver → page, front   status     one JSON document in shared memory, which is replaced as a whole
+    front → driver, page   OFF        a counter in shared memory, which needs no queue and no answer. A counted OFF is
                                       not lost when the front process dies. Only the front process counts, because two
                                       writers could lose a count. A request that drives the wire carries the OFF count
                                       that the page had received when the user clicked (see button_events.py)
-    page → control, front  pages      the number of open pages, and whether one of them may change the session (the
+    page → driver, front   pages      the number of open pages, and whether one of them may change the session (the
                                       others only watch)
     page → front           heartbeat  the id of the page process, and the time at which it last read the channel
-    front → control        heartbeat  a counter that increases while the front process answers
-    control ↔ page         messages   JSON datagrams on a socket pair: each arrives whole or not at all; `send` returns
+    front → driver         heartbeat  a counter that increases while the front process answers
+    driver ↔ page          messages   JSON datagrams on a socket pair: each arrives whole or not at all; `send` returns
                                       False if the queue is full
 
 Rows and status have the layout of stream/shared_memory.py.
@@ -74,8 +74,8 @@ class MessageLink:
                 return
 
 
-class ControlEnd(SharedWriter, MessageLink):
-    """The end of the channel in the control process, a context manager.
+class DriverEnd(SharedWriter, MessageLink):
+    """The end of the channel in the driver, a context manager.
 
     No method waits, and no message of a page makes a method fail. `offs` is the OFF count at the last call of
     `off_requested`. `published` is the latest status.

@@ -1,8 +1,8 @@
-"""The requests of a page. The control process (the driver process that runs the loop) checks their types and ranges.
+"""The requests of a page. The driver checks their types and ranges.
 
 A request carries a number, which the answer repeats: `{"number": 7, "refused": null}`. If the request is refused,
 `refused` is the reason. A request that drives the wire also carries the OFF count that the page had received when the
-user clicked. The control process refuses the request if an OFF was counted since then.
+user clicked. The driver refuses the request if an OFF was counted since then.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Button events that drive the wire. A click is refused if OFF was pressed after it.
 
-OFF takes a direct path to the control process (the driver process that runs the loop). A click takes longer, because it
-passes two event loops. OFF may be pressed in the meantime, on the same page or on another page. So a click carries the
-OFF count that the page in the browser had at the click. The control process refuses the click if the OFF count of the
-channel differs.
+OFF takes a direct path to the driver. A click takes longer, because it passes two event loops. OFF may be pressed in
+the meantime, on the same page or on another page. So a click carries the OFF count that the page in the browser had at
+the click. The driver refuses the click if the OFF count of the channel differs.
 
 If the user presses OFF, page.html increments the count of its page at once. It delays later clicks until this OFF has
 arrived, for at most 3 s. `set_offs` sends the count of all OFFs, also those of other pages, to the browser. If this

@@ -73,7 +73,7 @@ class ClientRegistry:
         self._pending[self._number] = answered
         if not self.channel.send({"number": self._number, "act": act, **values}):
             del self._pending[self._number]
-            answered("the control process accepts no request now: try again")
+            answered("the driver accepts no request now: try again")
 
     def _report(self) -> None:
         self.channel.report_pages(len(self._clients), is_controlled=self._controlling is not None)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, get_args
 
 from bokeh.models import Button, Select, Spinner, TextInput
 
+from smadrive.stream.published_state import PublishedMode
+from smadrive.tuning.link.requests import FeedbackKey, ShapeKey
 from smadrive.tuning.page.button_events import ButtonEvents
 from smadrive.tuning.page.knob import COMPACT, Knob
 from smadrive.tuning.page.rules_table import RulesTable
@@ -15,6 +17,29 @@ from smadrive.tuning.page.source_choice import SourceChoice
 
 Act = Callable[..., None]
 """A function that does an action of the user: `act(name, **values)`."""
+
+ACTS = {
+    **dict.fromkeys(get_args(ShapeKey), "shape"),
+    **dict.fromkeys(get_args(FeedbackKey), "feedback"),
+    "source": "source",
+    "rules": "rule",
+    "arm": "arm",
+    "disarm": "off",
+    "clear": "clear",
+    "start": "track",
+    "hold": "hold",
+    "undo": "undo",
+    "redo": "redo",
+    "keep_a": "keep",
+    "keep_b": "keep",
+    "use_a": "recall",
+    "use_b": "recall",
+    "compare": "compare",
+    "adapt": "adapt",
+    "fit": "model",
+    "save": "note",
+}
+"""The act of the request that each widget sends. A widget is disabled while the session refuses this act."""
 
 
 class Controls:
@@ -76,34 +101,33 @@ class Controls:
     def enable(self, on: bool, *, status: dict[str, Any]) -> None:
         """Enable the widgets that this client can use in the present state, and disable the others.
 
-        `on` is True if this client controls; `status` is the published status.
+        `on` is True if this client controls; `status` is the published status. It has the acts that the session refuses
+        in its mode. The other conditions are here: an empty slot, nothing to undo, a heater that is off or unconfirmed.
         """
-        mode, comparison = status["mode"], status["comparison"]
-        heats, compares = mode in {"holding", "tracking"}, comparison["on"]
-        self._is_comparing = compares
-        for knob in self.knobs.values():
-            knob.enable(on and not compares)
-        allowed = {
-            "arm": mode == "off",
-            "disarm": heats,
-            "clear": not heats,
-            "start": heats and not compares,
-            "hold": heats and not compares,
-            "undo": status["undo"] is not None and not compares,
-            "redo": status["redo"] is not None and not compares,
-            "use_a": "A" in comparison["slots"] and not compares,
-            "use_b": "B" in comparison["slots"] and not compares,
-            "compare": compares or (mode == "tracking" and len(comparison["slots"]) == 2),
+        mode, slots = PublishedMode(status["mode"]), status["comparison"]["slots"]
+        possible = {
+            "arm": mode is not PublishedMode.UNCONFIRMED,
+            "disarm": mode.heats,
+            "undo": status["undo"] is not None,
+            "redo": status["redo"] is not None,
+            "use_a": "A" in slots,
+            "use_b": "B" in slots,
+            "compare": len(slots) == 2,
         }
+        enabled = {
+            name: on and act not in status["refused_acts"] and possible.get(name, True) for name, act in ACTS.items()
+        }
+        for name, knob in self.knobs.items():
+            knob.enable(enabled[name])
         for name, button in self.buttons.items():
-            _set(button, disabled=not (on and allowed.get(name, True)))
-        _set(self.buttons["compare"], label="Stop comparing" if compares else "Compare A / B")
-        self._is_adapting = status["adapts"]
+            _set(button, disabled=not enabled[name])
+        self.rules.enable(enabled["rules"])
+        self.source.enable(enabled["source"])
+        self._is_comparing, self._is_adapting = status["comparison"]["on"], status["adapts"]
+        _set(self.buttons["compare"], label="Stop comparing" if self._is_comparing else "Compare A / B")
         _set(self.buttons["adapt"], label="Stop adapting" if self._is_adapting else "Adapt online")
         _set(self.buttons["undo"], label=f"Undo {status['undo']}" if status["undo"] else "Undo")
         _set(self.buttons["redo"], label=f"Redo {status['redo']}" if status["redo"] else "Redo")
-        self.rules.enable(on and not compares)
-        self.source.enable(on and not compares)
 
     def _button(self, name: str, label: str, kind: str, pressed: Callable[[], None]) -> Button:
         button = _button(name, label, kind)

@@ -1,7 +1,7 @@
-"""The page of one client: it shows what the control process publishes, and sends the requests of the user.
+"""The page of one client: it shows what the driver publishes, and sends the requests of the user.
 
-The control process is the driver process that runs the loop. Every `FRAME_MS` the page draws the content of the
-channel. So all pages show the same, also pages that were opened later.
+Every `FRAME_MS` the page draws the content of the channel. So all pages show the same, also pages that were opened
+later.
 """
 
 from __future__ import annotations

@@ -10,6 +10,8 @@ import numpy as np
 
 from smadrive.control.loop import LATE_FRACTION
 from smadrive.measurement import DisplacementFrom
+from smadrive.safety.shutdown import off_text
+from smadrive.stream.published_state import PublishedMode
 from smadrive.stream.samples import COLUMNS, Rows
 
 TIMED_ROWS = 1200
@@ -26,7 +28,6 @@ SENSOR_REPLACED = (
 )
 
 _LATE = COLUMNS.index("late_s")
-_MODES = {"off": "off", "holding": "on", "tracking": "on", "off, unconfirmed": "bad"}
 
 
 class LoopTiming:
@@ -61,13 +62,13 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
     `timing` is the text of the loop timing. If `late` is True, the text is marked as a warning. `controls` is True if
     this page has control.
     """
-    mode, limits = status["mode"], status["limited_by"]
+    limits = status["limited_by"]
     tuning = status["tuning"]
     certified = f"contracting, {tuning['invertible_percent']:.1f} % invertible"
     memory = status["turning_points"]
     return "".join(
         [
-            _chip("heater", mode, _MODES.get(mode, "on")),
+            _heater_chip(PublishedMode(status["mode"])),
             _chip("limited by", ", ".join(limits) or "nothing", "warn" if limits else "calm"),
             _chip("model", f"{tuning['change']} · {certified}", "warn" if tuning["caveats"] else "calm"),
             *([_dropped_chip(memory)] if memory and memory["dropped"] else []),
@@ -77,6 +78,12 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
             _chip("this page", "controls" if controls else "watches", "on" if controls else "off"),
         ]
     )
+
+
+def _heater_chip(mode: PublishedMode) -> str:
+    if mode is PublishedMode.UNCONFIRMED:
+        return _chip("heater", mode, "bad")
+    return _chip("heater", mode, "on" if mode.heats else "off")
 
 
 def _source_chips(chosen: str, in_force: str | None) -> list[str]:
@@ -114,7 +121,7 @@ def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:
     devices = "; ".join(f"{name}: {identity}" for name, identity in status["devices"].items())
     return "".join(
         [
-            _chip("heater", "off", "off"),
+            _heater_chip(PublishedMode.OFF),
             _chip("devices", devices, "calm"),
             _chip("measurements", timing, "warn" if late else "calm"),
         ]
@@ -142,8 +149,9 @@ def banner_html(status: dict[str, Any], note: str) -> str:
     the last action of this page, for example the reason for a refusal.
     """
     lines = []
-    if status["mode"] == "off, unconfirmed":
-        lines.append(("bad", "The heater could NOT be confirmed off: cut its supply."))
+    if status["mode"] == PublishedMode.UNCONFIRMED:
+        text = off_text(confirmed=False)
+        lines.append(("bad", f"{text[0].upper()}{text[1:]}."))
     if status["fault"]:
         lines.append(("bad", status["fault"]))
     lines += _device_lines(status, clear="press Clear faults")

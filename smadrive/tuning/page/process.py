@@ -51,7 +51,7 @@ def serve(parameters: dict[str, Any]) -> None:
         channel.beat()
 
     clients.read()
-    while not clients.status:  # a page needs a status; the control process may still be writing the first one
+    while not clients.status:  # a page needs a status; the driver may still be writing the first one
         if is_input_closed(within_s=READ_MS / 1000):
             return
         clients.read()

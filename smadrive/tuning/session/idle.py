@@ -11,6 +11,7 @@ from math import inf
 from smadrive.errors import SmadriveError
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
+from smadrive.safety.shutdown import off_text
 from smadrive.tuning.session.status import Status
 
 RETRY_S = 1.0
@@ -52,4 +53,4 @@ class Idle:
             self._status.is_safe = False
             raise
         self._status.is_safe, self._due_s = True, inf
-        self._status.add_event(now_s, "heater off, confirmed")
+        self._status.add_event(now_s, off_text(confirmed=True))

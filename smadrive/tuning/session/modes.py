@@ -1,5 +1,7 @@
 """The modes of a tuning session, and the table of the requests that each mode refuses.
 
+The session checks requests by this table, and the pages disable the buttons of the acts that it refuses.
+
     mode        heater   next modes
     IDLE        off      Arm → ARMING
     TRIPPED     off      Arm → ARMING; Clear faults → IDLE
@@ -17,7 +19,8 @@ heater.
 from __future__ import annotations
 
 from enum import Enum
-from typing import NamedTuple
+from functools import cache
+from typing import NamedTuple, get_args
 
 from smadrive.errors import ConfigError
 from smadrive.tuning.link.requests import (
@@ -79,13 +82,34 @@ MODE_RULES = (
     ModeRule(
         (Track, Hold, *CHANGES), frozenset({Mode.COMPARING}), "A and B are being compared", "stop the comparison first"
     ),
+    ModeRule(
+        (Compare,),
+        frozenset(Mode) - {Mode.TRACKING, Mode.COMPARING},
+        "a comparison needs a running reference",
+        "arm, then start a reference",
+    ),
 )
 
 
 def check_allowed(request: AnyRequest, mode: Mode) -> None:
-    """Raise ConfigError when the mode refuses the request."""
+    """Raise ConfigError when the mode refuses the request. The end of a comparison is refused in no mode."""
+    if isinstance(request, Compare) and not request.on:
+        return
     for requests, modes, what, cure in MODE_RULES:
         if isinstance(request, requests) and mode in modes:
             raise ConfigError(what, cure=cure)
-    if isinstance(request, Compare) and request.on and mode not in {Mode.TRACKING, Mode.COMPARING}:
-        raise ConfigError("a comparison needs a running reference", cure="arm, then start a reference")
+
+
+@cache
+def refused_acts(mode: Mode) -> tuple[str, ...]:
+    """Return the acts that the mode refuses, in alphabetical order. An act is the field `act` of a request.
+
+    `compare` stands for the beginning of a comparison.
+    """
+    kinds = {kind for rule in MODE_RULES if mode in rule.modes for kind in rule.requests}
+    return tuple(sorted(act for kind in kinds for act in _acts_of(kind)))
+
+
+def _acts_of(kind: type[PageRequest]) -> tuple[str, ...]:
+    """Return the values that the field `act` of a type of request can have."""
+    return get_args(kind.model_fields["act"].annotation)

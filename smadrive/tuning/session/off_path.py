@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 from smadrive.errors import FrontSilentError
-from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.link.channel import DriverEnd
 
 SILENT_S = 2.0
 """A front process counts as silent if its last heartbeat is older than this.
@@ -17,7 +17,7 @@ Normally, a front process that died is restarted within this time. A frozen fron
 class OffPath:
     """Watches the heartbeats of the front process. Until the first new heartbeat, the process counts as silent."""
 
-    def __init__(self, channel: ControlEnd) -> None:
+    def __init__(self, channel: DriverEnd) -> None:
         self._channel = channel
         self._beats = channel.front_beats
         self._beat_s = -inf

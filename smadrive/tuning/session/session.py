@@ -23,12 +23,12 @@ from smadrive.rig.rig import Rig
 from smadrive.rig.supervision import WireChecks
 from smadrive.runs.health.assessment import health_lines
 from smadrive.runs.run_log import TickRecorder
-from smadrive.runs.session_record import SESSION_ENDED
+from smadrive.runs.session_record import session_ended_event
 from smadrive.safety.arming_checks import check_thermocouple
-from smadrive.safety.shutdown import ends_safe, shutdown_of
+from smadrive.safety.shutdown import ends_safe, off_text, shutdown_of
 from smadrive.stream.samples import row_of
 from smadrive.tuning.builder.build import ModelBuilder, tuned_controller
-from smadrive.tuning.link.channel import MESSAGES_PER_TICK, ControlEnd
+from smadrive.tuning.link.channel import MESSAGES_PER_TICK, DriverEnd
 from smadrive.tuning.session.adaptation_runner import AdaptationRunner, impossible_with
 from smadrive.tuning.session.arming import Arming
 from smadrive.tuning.session.changes.change_queue import ChangeQueue
@@ -60,7 +60,7 @@ class TuningSession:
         tuning: Tuning,
         wire: WireProperties,
         references: Mapping[str, Reference],
-        channel: ControlEnd,
+        channel: DriverEnd,
         builder: ModelBuilder,
         record: TickHandler,
         recorder: TickRecorder | None = None,
@@ -106,15 +106,15 @@ class TuningSession:
             self._end()
 
     def _end(self) -> None:
-        """Switch the heater off, and publish the end: "off", or "unconfirmed" if the safe state was not confirmed."""
+        """Switch the heater off, and publish the end. It says whether the devices have confirmed the safe state."""
         try:
             self._rig.heater.enter_safe_state()
-            self._status.is_safe, self._status.end, self._status.lost = True, "off", None
+            self._status.end_session(confirmed=True)
         except Exception:  # noqa: BLE001  (after any error the heater is not confirmed off)
-            self._status.is_safe, self._status.end = False, "unconfirmed"
+            self._status.end_session(confirmed=False)
         self._publish()
         self._note()
-        self._state.report(SESSION_ENDED[self._status.end])
+        self._state.report(session_ended_event(confirmed=self._status.is_safe))
         with suppress(DataError):  # this error is reported when the log is closed
             self._log.write_events()
 
@@ -148,7 +148,7 @@ class TuningSession:
         try:
             with ends_safe(self._rig.heater.enter_safe_state):
                 self._drive(self._hold(self._rig.heater.exchange(0.0)))
-            self._state.report("heater off, confirmed")
+            self._state.report(off_text(confirmed=True))
         except SmadriveError as error:
             if error is self._log.failure:
                 raise

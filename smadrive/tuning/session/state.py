@@ -9,7 +9,7 @@ from smadrive.control.controllers.swappable import SwappableController
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.rig import Rig
 from smadrive.runs.run_log import BY_RESISTANCE, BY_SENSOR
-from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.link.channel import DriverEnd
 from smadrive.tuning.link.requests import Arm, PageRequest
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.modes import Mode
@@ -29,7 +29,7 @@ class SessionState:
     """
 
     rig: Rig
-    channel: ControlEnd
+    channel: DriverEnd
     tunings: Tunings
     status: Status
     began_s: float

@@ -14,9 +14,10 @@ from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.stream.feed import common_status
+from smadrive.stream.published_state import PublishedEnd, PublishedMode
 from smadrive.tuning.session.changes.comparison import Comparison
 from smadrive.tuning.session.changes.tunings import Tunings
-from smadrive.tuning.session.modes import Mode
+from smadrive.tuning.session.modes import Mode, refused_acts
 from smadrive.tuning.session.session_log import SessionLog
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.wire_model import travel_mm
@@ -30,7 +31,11 @@ MAX_EVENTS = 40
 MAX_EVENT_LENGTH = 400
 """Largest length of an event in characters. The status must not exceed the `STATUS_BYTES` of the shared memory."""
 
-_HEATER = {Mode.HOLDING: "holding", Mode.TRACKING: "tracking", Mode.COMPARING: "tracking"}
+_PUBLISHED = {
+    Mode.HOLDING: PublishedMode.HOLDING,
+    Mode.TRACKING: PublishedMode.TRACKING,
+    Mode.COMPARING: PublishedMode.TRACKING,
+}
 """The `mode` in the status, for each session mode in which the heater is on."""
 
 
@@ -41,8 +46,7 @@ class Status:
     lost            error of a device that does not answer; None if all answer
     wire_warning    says how far the wire has drifted; None for a wire without drift
     is_safe         False after an attempt to switch the heater off has failed, until an attempt succeeds
-    end             None until the session ends; then "off" if the devices have confirmed the safe state, otherwise
-                    "unconfirmed"
+    end             None until the session ends; then it says if the devices have confirmed the safe state
     """
 
     def __init__(self, rig: Rig, references: list[str], wire: WireProperties, log: SessionLog) -> None:
@@ -53,7 +57,7 @@ class Status:
         self.lost: str | None = None
         self.wire_warning: str | None = None
         self.is_safe = True
-        self.end: str | None = None
+        self.end: PublishedEnd | None = None
         self.measurement: Measurement | None = None
         self.events: deque[tuple[float, str]] = deque(maxlen=MAX_EVENTS)
         self._config, self._identities = rig.config, rig.identities
@@ -82,6 +86,12 @@ class Status:
         self.fault_s = time_s
         self.add_event(time_s, self.fault)
 
+    def end_session(self, *, confirmed: bool) -> None:
+        """Store the end of the session. `confirmed`: the devices have confirmed the safe state, so none is lost."""
+        self.is_safe, self.end = confirmed, PublishedEnd.switched_off(confirmed=confirmed)
+        if confirmed:
+            self.lost = None
+
     def document(
         self, mode: Mode, tunings: Tunings, live: SwappableController | None, *, adapts: bool
     ) -> dict[str, Any]:
@@ -90,7 +100,8 @@ class Status:
         return {
             **common_status(self._config, self._identities, self.measurement),
             **self._fixed,
-            "mode": _HEATER.get(mode, "off" if self.is_safe else "off, unconfirmed"),
+            "mode": _PUBLISHED.get(mode, PublishedMode.switched_off(confirmed=self.is_safe)),
+            "refused_acts": list(refused_acts(mode)),
             "end": self.end,
             "fault": self.fault,
             "fault_type": self.fault_type,

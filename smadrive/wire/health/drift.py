@@ -42,7 +42,7 @@ class HealthVerdict(StrEnum):
     UNKNOWN = "not known yet"
     JUMPED = "resistance jumped"
     UNCHANGED = "as identified"
-    UNCONFIRMED = "last run differs"
+    DIFFERS = "last run differs"
     DRIFTED = "has drifted"
     IDENTIFY_AGAIN = "identify it again"
 
@@ -124,7 +124,7 @@ class WireHealth(NamedTuple):
                 return f"the resistance at rest has jumped: {jump}: {cure}"
             case HealthVerdict.UNCHANGED:
                 return "the wire is as identified"
-            case HealthVerdict.UNCONFIRMED:
+            case HealthVerdict.DIFFERS:
                 return "the last run differs from the identification: the next run shows if the wire has drifted"
             case HealthVerdict.IDENTIFY_AGAIN:
                 return f"identify the wire again: {error}, {allowed}"
@@ -188,7 +188,7 @@ def _verdict(runs: Sequence[HealthEntry], drifts: dict[str, Drift], is_costly: b
         return HealthVerdict.UNKNOWN
     if not any(drift.counts for drift in drifts.values()):
         differs = any(drift.is_significant for drift in drifts.values())
-        return HealthVerdict.UNCONFIRMED if differs else HealthVerdict.UNCHANGED
+        return HealthVerdict.DIFFERS if differs else HealthVerdict.UNCHANGED
     return HealthVerdict.IDENTIFY_AGAIN if is_costly else HealthVerdict.DRIFTED
 
 

@@ -19,9 +19,10 @@ from supply_rig import DRIVER, RIG
 
 from smadrive.devices.guardian.client import GuardianClient
 from smadrive.devices.guardian.task import GuardedDevice, Task
-from smadrive.errors import UNCONFIRMED, ConfigError, SafetyError, TakenOverError
+from smadrive.errors import ConfigError, SafetyError, TakenOverError
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
+from smadrive.safety.shutdown import UNCONFIRMED
 
 SIMULATOR = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm"]
 ASKS_AGAIN = """

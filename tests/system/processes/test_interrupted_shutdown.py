@@ -12,11 +12,10 @@ import pytest
 from marks import exhaustive
 from served import served
 
-from smadrive.errors import UNCONFIRMED
 from smadrive.files.shipped import configs_dir
 from smadrive.modbus.trace import read_trace
 from smadrive.safety.faults import Fault
-from smadrive.safety.shutdown import CONFIRMED
+from smadrive.safety.shutdown import CONFIRMED, UNCONFIRMED
 
 TRIPPED = f"fault {Fault.STALE_DATA.number}:"
 PATIENT = "?latency_ms=100"

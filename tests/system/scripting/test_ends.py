@@ -16,11 +16,11 @@ from process_tree import children
 from served import PATIENT, served
 
 import smadrive
-from smadrive.errors import UNCONFIRMED, BusyError, LoopProcessError
+from smadrive.errors import BusyError, LoopProcessError
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
-from smadrive.safety.shutdown import CONFIRMED
+from smadrive.safety.shutdown import CONFIRMED, UNCONFIRMED
 from smadrive.scripting.loop.loop_client import LoopClient
 
 RIGS = Path(__file__).parents[3] / "configs" / "rigs"

@@ -4,9 +4,9 @@ import signal
 
 import pytest
 
-from smadrive.errors import UNCONFIRMED, DeadlineError, TripError
+from smadrive.errors import DeadlineError, TripError
 from smadrive.interrupts import ABORTS_AT, SIGNALS, AbortedError, HeldSignals
-from smadrive.safety.shutdown import ends_safe, shut_down, shutdown_of
+from smadrive.safety.shutdown import UNCONFIRMED, ends_safe, shut_down, shutdown_of
 
 
 class Device:

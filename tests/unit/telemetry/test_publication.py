@@ -18,6 +18,7 @@ from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.safety.faults import Fault, Trip
+from smadrive.stream.published_state import PublishedMode
 from smadrive.stream.shared_memory import CAPACITY, SharedWriter
 from smadrive.telemetry.address import parse_address
 from smadrive.telemetry.feed import RunFeed
@@ -40,7 +41,7 @@ class Published:
     def __init__(self, broker, config=CONFIG):
         self.writer = SharedWriter()
         self.publication = Publication(parse_address(broker.url, {}), config, "run", self.writer)
-        self.feed = RunFeed(self.writer, config, "tracking")
+        self.feed = RunFeed(self.writer, config, PublishedMode.TRACKING)
         self.count = 0
         self.config = config
 

@@ -9,6 +9,7 @@ import pytest
 
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
+from smadrive.stream.published_state import PublishedMode
 from smadrive.stream.samples import COLUMNS
 from smadrive.stream.shared_memory import SharedWriter
 from smadrive.telemetry.feed import RunFeed
@@ -51,7 +52,7 @@ def test_unknown_numbers_are_null():
 
 
 def test_status_of_a_run_has_every_field():
-    with SharedWriter() as writer, RunFeed(writer, load_rig("in-process"), "tracking") as feed:
+    with SharedWriter() as writer, RunFeed(writer, load_rig("in-process"), PublishedMode.TRACKING) as feed:
         with Rig(load_rig("in-process")) as rig:
             feed.begin(rig)
         assert set(state_message(writer.published, "run")) == set(STATE)

@@ -16,7 +16,7 @@ from smadrive.hysteresis.fuzzy import TriangularSets
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.tuning.builder.build import BuildFailure, build
-from smadrive.tuning.link.channel import ControlEnd, PageEnd
+from smadrive.tuning.link.channel import DriverEnd, PageEnd
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
@@ -67,12 +67,12 @@ class TunedRig:
     front_is_silent = False
     recording = staticmethod(lambda _rig: nullcontext())
 
-    def __init__(self, model, control):
+    def __init__(self, model, driver_end):
         self.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=3)
         self.clock = VirtualClock()
         self.clock.follow(self.device.bench.advance_to)
-        self.control = control
-        self.page = PageEnd(self.control.memory_fd, self.control.page_socket)
+        self.driver_end = driver_end
+        self.page = PageEnd(self.driver_end.memory_fd, self.driver_end.page_socket)
         self.model = model
         self.properties = WireProperties(BALANCE)
         self.builder = DirectBuilder()
@@ -126,7 +126,7 @@ class TunedRig:
         ):
             tuning = self.tuning(rig.config)
             references = {"sine": REFERENCE}
-            given = rig, tuning, self.properties, references, self.control, self.builder, record
+            given = rig, tuning, self.properties, references, self.driver_end, self.builder, record
             with self.recording(rig) as recorder:
                 self.session = TuningSession(*given, recorder)
                 self.session.run()
@@ -202,22 +202,22 @@ def true_model():
 
 
 @pytest.fixture
-def control():
-    with ControlEnd() as control:
-        yield control
+def driver_end():
+    with DriverEnd() as driver_end:
+        yield driver_end
 
 
 @pytest.fixture
-def rig(control):
-    return TunedRig(true_wire(), control)
+def rig(driver_end):
+    return TunedRig(true_wire(), driver_end)
 
 
 @pytest.fixture
-def rig_without_zero(control):
+def rig_without_zero(driver_end):
     """Makes a rig whose sensor reads `zero_mm` too much for its model; `seed` is that of its noise."""
 
     def make(zero_mm, seed=3):
-        rig = TunedRig(true_wire(-zero_mm), control)
+        rig = TunedRig(true_wire(-zero_mm), driver_end)
         rig.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed)
         rig.clock.follow(rig.device.bench.advance_to)
         return rig
@@ -226,6 +226,6 @@ def rig_without_zero(control):
 
 
 @pytest.fixture
-def ruled_rig(control):
+def ruled_rig(driver_end):
     sets = TriangularSets((40.0, 60.0, 65.0, 70.0, 75.0, 80.0, 85.0, 90.0, 95.0, 100.0, 120.0))
-    return TunedRig(TSFuzzyDuhem.from_duhem(true_wire(), sets), control)
+    return TunedRig(TSFuzzyDuhem.from_duhem(true_wire(), sets), driver_end)

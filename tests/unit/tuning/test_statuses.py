@@ -20,14 +20,14 @@ def test_status_of_a_session_has_every_field(rig):
     assert set(rig.status["devices"]) == {"board"}
 
 
-def test_status_of_a_watched_rig_has_every_field_and_shows_a_fault_of_its_sensor(control):
+def test_status_of_a_watched_rig_has_every_field_and_shows_a_fault_of_its_sensor(driver_end):
     device, clock = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=3), VirtualClock()
     clock.follow(device.bench.advance_to)
     with Rig(load_rig("in-process"), clock, {"board": device.transport(clock)}) as rig:
-        feed = WatchFeed(rig, control)
-        assert has_every_field(control.published)
+        feed = WatchFeed(rig, driver_end)
+        assert has_every_field(driver_end.published)
         device.bench.sensors.faults.open_thermocouple()
         observe(rig, 1.0, feed.tick, lambda: False)
-        assert faults_message(control.published)["temperature_fault"] is not None
+        assert faults_message(driver_end.published)["temperature_fault"] is not None
         feed.end()
-        assert (control.published["mode"], control.published["end"]) == ("off", "off")
+        assert (driver_end.published["mode"], driver_end.published["end"]) == ("off", "off")

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from smadrive.display.card import quantity
-from smadrive.errors import UNCONFIRMED
 from smadrive.runs.comparison.settings import set_values
 from smadrive.runs.cycling.cycles import CYCLE_HEADER, cycle_rows, cycles_of, cycling_of, thinned
 from smadrive.runs.figures.cycle_plots import cycle_plot
@@ -25,7 +24,8 @@ from smadrive.runs.metrics.run import RunMetrics, is_virtual, run_metrics
 from smadrive.runs.report import Banner, Grid, Listing, Notes, PagePart, Tiles, write_report
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import rig_config_of
-from smadrive.runs.session_record import SESSION_ENDED, models_of, plain_events, trips_of
+from smadrive.runs.session_record import models_of, plain_events, session_ended_event, trips_of
+from smadrive.safety.shutdown import UNCONFIRMED
 
 TITLES = {
     RunKind.EXCITATION: "identification experiment",
@@ -90,7 +90,7 @@ def state_of(log: Log, summary: RunMetrics) -> Banner:
 def _is_ended_safely(log: Log) -> bool:
     """Return True if the user ended the tuning session and the heater is confirmed off. This is its normal end."""
     messages = [event.message for event in log.events]
-    return log.is_ended_by_user and SESSION_ENDED["off"] in messages
+    return log.is_ended_by_user and session_ended_event(confirmed=True) in messages
 
 
 def _caveats(log: Log) -> Iterator[Banner]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from bokeh.models import Button
 
+from smadrive.stream.published_state import PublishedMode
 from smadrive.tuning.page.knob import COMPACT
 from smadrive.tuning.page.view.sample_history import SampleHistory
 from smadrive.tuning.page.view.time_plots import POINTS, SHORTEST_S, WINDOW_S, TimePlots
@@ -58,7 +59,7 @@ class TimeView:
         if fault_s is not None and fault_s != self._frozen_at_s:
             self._frozen_at_s = fault_s
             self.show(fault_s - BEFORE_S, fault_s + AFTER_S)
-        elif self._frozen_at_s is not None and status["mode"] in {"holding", "tracking"}:
+        elif self._frozen_at_s is not None and PublishedMode(status["mode"]).heats:
             self._frozen_at_s = None
             self.follow()
         shown = self._plots.window

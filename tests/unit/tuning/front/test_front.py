@@ -19,7 +19,7 @@ from smadrive.stream import supervised_process
 from smadrive.tuning import processes
 from smadrive.tuning.front.process import MAX_BODY_BYTES, MAX_CONNECTIONS, MAX_HEAD_BYTES
 from smadrive.tuning.front.relay import MAX_BUILDS
-from smadrive.tuning.link.channel import ControlEnd, PageEnd
+from smadrive.tuning.link.channel import DriverEnd, PageEnd
 from smadrive.tuning.processes import TuningPage
 from tests.unit.tuning.conftest import TunedRig, true_wire
 
@@ -52,11 +52,11 @@ REQUESTS = [
 class Served:
     """The tuning page of a session that does not run any more, on a port of its own."""
 
-    def __init__(self, control, folder):
-        TunedRig(true_wire(), control).run(until_s=1.0)
-        self.channel = PageEnd(control.memory_fd, control.page_socket)
+    def __init__(self, driver_end, folder):
+        TunedRig(true_wire(), driver_end).run(until_s=1.0)
+        self.channel = PageEnd(driver_end.memory_fd, driver_end.page_socket)
         self.page = TuningPage(
-            control, port=0, token=secrets.token_urlsafe(8), rig_file=rig_file("simulated"), folder=folder
+            driver_end, port=0, token=secrets.token_urlsafe(8), rig_file=rig_file("simulated"), folder=folder
         )
 
     @property
@@ -80,8 +80,8 @@ class Served:
 
 @pytest.fixture(scope="module")
 def served(tmp_path_factory):
-    with ControlEnd() as control:
-        served = Served(control, tmp_path_factory.mktemp("saved"))
+    with DriverEnd() as driver_end:
+        served = Served(driver_end, tmp_path_factory.mktemp("saved"))
         with served.page:
             yield served
 
@@ -185,21 +185,21 @@ def test_frozen_front_process_is_replaced_and_off_is_counted(served):
     assert served.channel.offs == offs + 1
 
 
-def test_taken_port_is_refused(served, control, tmp_path):
+def test_taken_port_is_refused(served, driver_end, tmp_path):
     port = urlsplit(served.page.url).port
-    page = TuningPage(control, port=port, token="", rig_file=rig_file("simulated"), folder=tmp_path)
+    page = TuningPage(driver_end, port=port, token="", rig_file=rig_file("simulated"), folder=tmp_path)
     with pytest.raises(ConfigError), page:
         pass
 
 
 @pytest.mark.exhaustive
-def test_last_message_to_a_page_is_how_the_run_has_ended(control, tmp_path, monkeypatch):
+def test_last_message_to_a_page_is_how_the_run_has_ended(driver_end, tmp_path, monkeypatch):
     monkeypatch.setattr(processes, "FROZEN_LOOKS", 1_000_000)  # a busy machine may stop the front process for a second
     monkeypatch.setattr(supervised_process, "END_WITHIN_S", PATIENCE_S)
 
     async def messages():
         """Return the messages before the end of the run and after it. The page process may be slow at any time."""
-        served = Served(control, tmp_path)
+        served = Served(driver_end, tmp_path)
         with served.page:
             state = await websocket_connect(f"ws://{served.host}/state")
             before = [json.loads(await state.read_message())]

@@ -107,7 +107,7 @@ def test_every_action_of_a_page_is_refused_unless_it_controls(opened, tmp_path):
     assert page.buttons - LOOKS <= {name for name, _ in acts}
     refused = {name for name, act in acts.items() if WATCHES in page.note_after(act)}
     assert refused == (set() if controls else set(acts))
-    assert bool(list(page.rig.control.received(100))) == controls
+    assert bool(list(page.rig.driver_end.received(100))) == controls
     assert bool(list(tmp_path.iterdir())) == controls
 
 
@@ -117,5 +117,5 @@ def test_looking_back_sends_no_request_and_is_refused_to_no_page(opened, tmp_pat
     looks = {name: act for name, act in page.acts() if name[0] in LOOKS}
     assert {name for name, _ in looks} == LOOKS
     assert not {name for name, act in looks.items() if WATCHES in page.note_after(act)}
-    assert not list(page.rig.control.received(100))
+    assert not list(page.rig.driver_end.received(100))
     assert not list(tmp_path.iterdir())

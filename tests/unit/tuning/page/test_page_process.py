@@ -10,9 +10,9 @@ PATIENCE_S = 60.0
 
 
 @pytest.mark.exhaustive
-def test_page_process_ends_while_it_waits_for_a_status(control, tmp_path):
+def test_page_process_ends_while_it_waits_for_a_status(driver_end, tmp_path):
     """Nothing has been published on this channel."""
-    fds = control.memory_fd, control.page_socket.fileno()
+    fds = driver_end.memory_fd, driver_end.page_socket.fileno()
     parameters = {"memory_fd": fds[0], "socket_fd": fds[1], "token": "", "folder": "", "rig_file": "", "port": 0}
     page = subprocess.Popen(
         [sys.executable, "-m", "smadrive.tuning.page.process"],

@@ -30,3 +30,19 @@ def test_source_in_force_is_named_and_a_failed_sensor_warned_of(rig, chosen, in_
     chips = chips_html(status, "", late=False, controls=True)
     assert text in chips if text else "displacement from" not in chips
     assert (SENSOR_REPLACED in banner_html(status, "")) is is_replaced
+
+
+@pytest.mark.parametrize(
+    ("mode", "chip", "is_alarm"),
+    [
+        ("off", 'off"><i>heater</i><b>off<', False),
+        ("holding", 'on"><i>heater</i><b>holding<', False),
+        ("tracking", 'on"><i>heater</i><b>tracking<', False),
+        ("off, unconfirmed", 'bad"><i>heater</i><b>off, unconfirmed<', True),
+    ],
+)
+def test_heater_that_is_not_confirmed_off_raises_an_alarm(rig, mode, chip, is_alarm):
+    rig.run(until_s=0.2)
+    status = {**rig.status, "mode": mode}
+    assert chip in chips_html(status, "", late=False, controls=True)
+    assert ("The heater could NOT be confirmed off: cut its supply." in banner_html(status, "")) is is_alarm

@@ -26,7 +26,7 @@ def test_off_ends_with_zero_current_within_two_periods(rig, way):
 def modes(rig):
     """A function that returns the published modes, without repetitions."""
     seen = []
-    rig.clock.follow(lambda _: seen.append(rig.control.published.get("mode")))
+    rig.clock.follow(lambda _: seen.append(rig.driver_end.published.get("mode")))
     return lambda: [mode for before, mode in pairwise(seen) if mode != before]
 
 

@@ -15,7 +15,7 @@ from smadrive.runs.log.reader import ENDED_BY, STOP, RunEvent, read_log
 from smadrive.runs.metrics.run import run_metrics
 from smadrive.runs.replay import replay
 from smadrive.runs.run_log import record_session
-from smadrive.runs.session_record import SESSION_ENDED, models_of, plain_events, spans_of, trips_of, tunings_of
+from smadrive.runs.session_record import models_of, plain_events, session_ended_event, spans_of, trips_of, tunings_of
 from smadrive.wire.identified_wire import IdentifiedWire
 from tests.unit.tuning.conftest import BALANCE, NONE_A, currents
 
@@ -115,7 +115,7 @@ def test_trip_is_logged_with_its_remedy_and_the_session_goes_on(logged):
     assert "tripped" in [span.mode for span in spans_of(log)]
     assert log.column("time_s")[-1] > 13.5
     (trip,) = trips_of(log)
-    ended = (RunEvent(13.9, f"{ENDED_BY}{STOP}"), RunEvent(13.9, SESSION_ENDED["off"]))
+    ended = (RunEvent(13.9, f"{ENDED_BY}{STOP}"), RunEvent(13.9, session_ended_event(confirmed=True)))
     banner = state_of(replace(log, events=(trip, *ended)), run_metrics(log))
     assert banner.level == "bad"
     assert trip.message in banner.text

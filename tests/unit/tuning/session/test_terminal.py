@@ -1,6 +1,7 @@
 """The terminal of `tune` shows the heater and the pages, while pages are opened and closed."""
 
 import secrets
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -15,8 +16,8 @@ WITHOUT_PAGE = "no page is open: the run continues; Ctrl-C or `curl -X POST http
 
 @pytest.fixture
 def view(rig):
-    page = TuningPage(rig.control, port=5006, token=TOKEN, rig_file=Path("rig.toml"), folder=Path())
-    return TuneView("a wire", page, rig.control)
+    page = TuningPage(rig.driver_end, port=5006, token=TOKEN, rig_file=Path("rig.toml"), folder=Path())
+    return TuneView("a wire", page, rig.driver_end)
 
 
 def run(rig, view, until_s):
@@ -74,6 +75,16 @@ def test_terminal_shows_a_fault(rig, view):
     run(rig, view, until_s=6.0)
     assert "heater off; no page is open; Ctrl-C ends the session; fault: " in view.state
     assert "°C" not in view.values
+
+
+def test_terminal_tells_to_cut_the_supply_of_a_heater_that_is_not_confirmed_off(rig, view):
+    rig.do(1.0, lambda: rig.device.faults.vanish(3.0))
+    rig.do(1.0, rig.page.request_off)
+    seen = []
+    rig.clock.follow(lambda _: seen.append(view.state.split(";")[0]) if rig.ticks else None)
+    rig.run(until_s=6.0)
+    alarm = "the heater could NOT be confirmed off: cut its supply"
+    assert [state for before, state in pairwise(seen) if state != before] == [alarm, "heater off"]
 
 
 def test_without_a_terminal_each_change_of_state_is_one_line(rig, view):

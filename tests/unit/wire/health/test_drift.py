@@ -59,7 +59,7 @@ def test_single_strange_run_is_no_drift():
 
 def test_last_run_that_differs_is_not_called_unchanged():
     found = health(run(), run(heating_c=Estimate(95.0, 0.1)))
-    assert found.verdict is HealthVerdict.UNCONFIRMED
+    assert found.verdict is HealthVerdict.DIFFERS
     assert [name for name, drift in found.drifts.items() if drift.is_significant] == ["heating_c"]
 
 
