@@ -11,7 +11,6 @@ import typer
 
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.fit_view import fit_result, print_fit
-from smadrive.cli.views.reports.fit_report import write_fit_report
 from smadrive.cli.views.resistance_view import resistance_result
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL, PAGE
@@ -71,6 +70,8 @@ def main(
     replaced = model_file.exists()
     result.wire(str(data)).save(model_file)
     if plot is not None:
+        from smadrive.cli.views.reports.fit_report import write_fit_report  # noqa: PLC0415 (matplotlib takes 0.5 s)
+
         write_fit_report(plot, result, str(data))
     print_fit(output, result)
     output.say(f"model: {model_file}{' (replaced)' if replaced else ''}")

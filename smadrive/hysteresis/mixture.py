@@ -15,7 +15,7 @@ from math import fsum, isfinite
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import log_ndtr, ndtr
+import scipy
 
 from smadrive.errors import ModelError
 from smadrive.numerics.arrays import FloatArray
@@ -87,7 +87,7 @@ class GaussianMixture:
 
     def cdf(self, v: FloatArray) -> FloatArray:
         """Return the distribution function of the mixture at v, in the shape of v."""
-        return np.asarray(np.tensordot(np.array(self.weights), ndtr(self._standard(v)), axes=1))
+        return np.asarray(np.tensordot(np.array(self.weights), scipy.special.ndtr(self._standard(v)), axes=1))
 
     def logs(self, v: FloatArray) -> MixtureLogs:
         """Return the logarithms of the distribution function h at v, of 1 - h and of the density h'.
@@ -96,7 +96,7 @@ class GaussianMixture:
         """
         standard, log_weights = self._standard(v), np.log(self._column(self.weights, v))
         log_density = -0.5 * standard**2 - _LOG_ROOT_TWO_PI - np.log(self._column(self.sigmas, v))
-        parts = log_ndtr(standard), log_ndtr(-standard), log_density
+        parts = scipy.special.log_ndtr(standard), scipy.special.log_ndtr(-standard), log_density
         return MixtureLogs(*(np.logaddexp.reduce(part + log_weights, axis=0) for part in parts))
 
     def _standard(self, v: FloatArray) -> FloatArray:

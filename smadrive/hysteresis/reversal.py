@@ -22,7 +22,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.optimize import isotonic_regression
+import scipy
 
 from smadrive.errors import ModelError
 from smadrive.numerics.arrays import FloatArray, finite_array
@@ -111,7 +111,7 @@ def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
         turned[corner] = _turning_point(v[before : after + 1], corner - before, radius)
     for start, end in pairwise(corners):
         part, ends = slice(start, end + 1), np.sort(turned[[start, end]])
-        nearest = isotonic_regression(turned[part], increasing=bool(turned[end] >= turned[start]))
+        nearest = scipy.optimize.isotonic_regression(turned[part], increasing=bool(turned[end] >= turned[start]))
         result[part] = np.clip(nearest.x, *ends)
     return result
 

@@ -15,8 +15,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import isotonic_regression
-from scipy.special import ndtri_exp, softmax
+import scipy
 
 from smadrive.errors import IdentificationError, ModelError
 from smadrive.hysteresis.branch.engine import BranchEngine
@@ -111,7 +110,7 @@ class _Problem:
         span = upper - lower
         made = []
         for means, log_widths, logits in x[:-2].reshape(2, 3, -1):
-            weights = softmax(logits) * (1 - 1e-3) + 1e-3 / len(logits)
+            weights = scipy.special.softmax(logits) * (1 - 1e-3) + 1e-3 / len(logits)
             widths = span * np.exp(log_widths)
             made.append(
                 GaussianMixture(
@@ -177,7 +176,7 @@ class _Problem:
             chosen = record.rising == rising
             order = np.argsort(record.v[chosen], kind="stable")
             place = (record.v[chosen][order] - lower) / (upper - lower)
-            curve = isotonic_regression((record.mean_y[chosen][order] - offset) / scale).x
+            curve = scipy.optimize.isotonic_regression((record.mean_y[chosen][order] - offset) / scale).x
             quantiles.append([place[min(np.searchsorted(curve, q), len(place) - 1)] for q in (0.16, 0.5, 0.84)])
         (a1, a2, a3), (c1, c2, c3) = quantiles
         width = max((a3 - a1 + c3 - c1) / 4, 0.01)
@@ -219,5 +218,5 @@ def _logs(mixture: GaussianMixture, input_range: tuple[float, float]) -> Mixture
 def _probit(log_cdf: FloatArray, log_sf: FloatArray) -> FloatArray:
     """Return Φ⁻¹(h) from the logarithms of h and 1 - h, exact in both tails."""
     lower_half = log_cdf < log_sf
-    tail = ndtri_exp(np.minimum(log_cdf, log_sf))
+    tail = scipy.special.ndtri_exp(np.minimum(log_cdf, log_sf))
     return np.where(lower_half, tail, -tail)

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy  # imports scipy.signal (0.4 s) only at its first use: most programs that import this file fit nothing
-from scipy.optimize import least_squares
 
 from smadrive.errors import IdentificationError
 from smadrive.identification.excitation import ExcitationRecord
@@ -208,7 +207,9 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, di
         return _simulate(samples, parameters(x))[1] - samples.reading_c
 
     bound = np.log(5.0)
-    fit = least_squares(residual, np.zeros(5), bounds=(-bound, bound), x_scale="jac", loss="soft_l1", f_scale=1.0)
+    fit = scipy.optimize.least_squares(
+        residual, np.zeros(5), bounds=(-bound, bound), x_scale="jac", loss="soft_l1", f_scale=1.0
+    )
     for name, value in zip(NAMES.values(), fit.x, strict=True):
         if abs(value) > 0.99 * bound:
             raise IdentificationError(

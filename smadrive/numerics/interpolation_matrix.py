@@ -12,8 +12,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from smadrive.numerics.arrays import FloatArray
 
@@ -40,5 +40,5 @@ class InterpolationMatrix(NamedTuple):
         """Return the rows of the large matrix for `samples`, which are indices or a slice."""
         places, shares = self.places[samples], self.shares[samples]
         ends = np.arange(0, places.size + 1, places.shape[1], dtype=np.int32)
-        weights = csr_array((shares.ravel(), places.ravel(), ends), shape=(len(places), len(self.rows)))
+        weights = scipy.sparse.csr_array((shares.ravel(), places.ravel(), ends), shape=(len(places), len(self.rows)))
         return np.asarray(weights @ self.rows)

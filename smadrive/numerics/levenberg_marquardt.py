@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import LinAlgError, solve
+import scipy
 
 from smadrive.numerics.arrays import FloatArray
 
@@ -97,6 +97,6 @@ def _step(hessian: FloatArray, gradient: FloatArray, damping: float) -> FloatArr
     scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
     scaled = hessian / scale / scale[:, None] + damping * np.eye(len(gradient))
     try:
-        return np.asarray(-solve(scaled, gradient / scale, assume_a="pos") / scale)
-    except LinAlgError:
+        return np.asarray(-scipy.linalg.solve(scaled, gradient / scale, assume_a="pos") / scale)
+    except scipy.linalg.LinAlgError:
         return np.zeros_like(gradient)

@@ -21,18 +21,18 @@ from smadrive.files.extras import install_cure
 from smadrive.files.spelling import suggestion_or_list
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.cycling.cycles import CycleMetrics, cycles_of
-from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import Log
 from smadrive.runs.log.reader import read_log as read_log_file
 from smadrive.runs.metrics.caveats import run_caveats
 from smadrive.runs.metrics.run import RunMetrics, run_metrics
 from smadrive.runs.metrics.tracking_error import has_setpoint
-from smadrive.runs.plot_style import PlotFigure
 from smadrive.scripting.arguments import path_text
 from smadrive.scripting.loop.messages import DrivenRun
 
 if TYPE_CHECKING:
     import xarray
+
+    from smadrive.runs.plot_style import PlotFigure
 
 FIGURES = {
     "tracking": "Tracking",
@@ -135,6 +135,9 @@ class Run:
 
         ConfigError when the run has no such figure.
         """
+        from smadrive.runs.figures.log_plots import log_plots  # noqa: PLC0415 (matplotlib takes 0.5 s)
+        from smadrive.runs.plot_style import PlotFigure  # noqa: PLC0415
+
         plots = {plot.title: plot.figure for plot in log_plots(self.log)}
         names = [name for name, title in FIGURES.items() if title in plots]
         default = "tracking" if "tracking" in names else "loop" if "loop" in names else "heat"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,9 +15,7 @@ from smadrive.files.kinds import MODEL
 from smadrive.identification.wire import AnyFit, FitSettings, Kind
 from smadrive.numerics.arrays import paired_vectors
 from smadrive.rig.config import FeedbackConfig
-from smadrive.runs.figures.fit_plots import loop_figure, model_figure
 from smadrive.runs.health.assessment import assess, wire_file_of
-from smadrive.runs.plot_style import PlotFigure
 from smadrive.runs.record_fit import (
     INPUT,
     OUTPUT,
@@ -33,6 +31,9 @@ from smadrive.scripting.run import Run
 from smadrive.wire.health.drift import WireHealth
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.identified_wire import load_wire as load_wire_file
+
+if TYPE_CHECKING:
+    from smadrive.runs.plot_style import PlotFigure
 
 
 @dataclass(frozen=True, repr=False)
@@ -58,6 +59,8 @@ class Wire(IdentifiedWire):
 
     def plot(self) -> PlotFigure:
         """Return a matplotlib figure of the loop. It shows record and model; for a loaded wire, only the model."""
+        from smadrive.runs.figures.fit_plots import loop_figure, model_figure  # noqa: PLC0415 (matplotlib takes 0.5 s)
+
         return model_figure(self.model) if self._fit is None else loop_figure(self._fit, self.axes)
 
     @property

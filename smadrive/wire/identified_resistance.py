@@ -27,7 +27,7 @@ from functools import cached_property
 from math import isfinite
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from smadrive.errors import ModelError
 from smadrive.numerics.arrays import FloatArray
@@ -186,7 +186,7 @@ def spline_design(temperature_c: FloatArray, nodes_c: FloatArray) -> FloatArray:
 
     Beyond its nodes the spline is a straight line.
     """
-    spline = CubicSpline(nodes_c, np.eye(len(nodes_c)), bc_type="natural")
+    spline = scipy.interpolate.CubicSpline(nodes_c, np.eye(len(nodes_c)), bc_type="natural")
     inside = np.clip(temperature_c, nodes_c[0], nodes_c[-1])
     matrix: FloatArray = spline(inside) + (temperature_c - inside)[:, None] * spline(inside, 1)
     return matrix

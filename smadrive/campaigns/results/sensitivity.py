@@ -22,8 +22,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import rankdata
 
 from smadrive.campaigns.experiments.columns import WIRE
 from smadrive.campaigns.plan.plan import CampaignPlan
@@ -75,7 +75,7 @@ def _shares(plan: CampaignPlan, runs: DataFrame, metric: FloatArray) -> Iterator
 
 
 def _of_levels(name: str, codes: NDArray[np.intp], metric: FloatArray) -> ColumnShare:
-    ranks, levels, n = rankdata(metric), np.unique(codes), metric.size
+    ranks, levels, n = scipy.stats.rankdata(metric), np.unique(codes), metric.size
     means, counts = _means(ranks, codes), np.bincount(codes)[levels]
     spread = float(np.sum((ranks - ranks.mean()) ** 2))
     eta2 = float(np.sum(counts * (means - ranks.mean()) ** 2)) / spread if spread else 0.0
@@ -90,7 +90,7 @@ def _of_properties(runs: DataFrame, codes: NDArray[np.intp], metric: FloatArray)
     if first.size < FEWEST_WIRES:
         return
     wires = 1.0 if first.size == len(runs) else _of_levels(WIRES, codes, metric).share
-    means = _means(rankdata(metric), codes)
+    means = _means(scipy.stats.rankdata(metric), codes)
     for name in WIRE:
         values = runs[name].to_numpy() if name in runs else np.array([])
         if values.dtype == np.float64 and np.unique(values[first]).size == first.size:
@@ -99,7 +99,7 @@ def _of_properties(runs: DataFrame, codes: NDArray[np.intp], metric: FloatArray)
 
 
 def _corrected_rho2(values: FloatArray, means: FloatArray) -> float:
-    rho = float(np.corrcoef(rankdata(values), rankdata(means))[0, 1]) if np.ptp(means) else 0.0
+    rho = float(np.corrcoef(scipy.stats.rankdata(values), scipy.stats.rankdata(means))[0, 1]) if np.ptp(means) else 0.0
     return max(1.0 - (1.0 - rho**2) * (values.size - 1) / (values.size - 2), 0.0)
 
 

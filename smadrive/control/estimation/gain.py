@@ -32,7 +32,7 @@ from math import exp, log
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
+import scipy
 
 from smadrive.control.estimation.innovation import DisturbanceEvidence
 from smadrive.control.estimation.process_noise import NOISY, PRECISE, ProcessNoise
@@ -203,7 +203,7 @@ def _thermal(balance: HeatBalance, period_s: float, slope: float, noise: Process
 
 
 def _gain(transition: FloatArray, reads: FloatArray, process: FloatArray, noise: FloatArray) -> FloatArray:
-    covariance = np.asarray(solve_discrete_are(transition.T, reads.T, process, noise), dtype=np.float64)
+    covariance = np.asarray(scipy.linalg.solve_discrete_are(transition.T, reads.T, process, noise), dtype=np.float64)
     gain: FloatArray = covariance @ reads.T @ np.linalg.inv(reads @ covariance @ reads.T + noise)
     return gain
 

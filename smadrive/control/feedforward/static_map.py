@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import isotonic_regression
 
 from smadrive.control.feedforward.displacement import CoolingTime, TemperatureTarget, at_once
 from smadrive.errors import DataError
@@ -35,7 +35,7 @@ class StaticMap:
             )
         order = np.argsort(temperature, kind="stable")
         rising = np.corrcoef(temperature, displacement)[0, 1] >= 0
-        fit = isotonic_regression(displacement[order], increasing=bool(rising))
+        fit = scipy.optimize.isotonic_regression(displacement[order], increasing=bool(rising))
         level, first = np.unique(fit.x, return_index=True)
         self._displacement_mm = np.linspace(level[0], level[-1], MAP_LEVELS)
         self._temperature_c: NDArray[np.float64] = np.interp(self._displacement_mm, level, temperature[order][first])

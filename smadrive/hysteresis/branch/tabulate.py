@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.lapack import dtbtrs
+import scipy
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis.branch.engine import Branch, BranchEngine
@@ -89,7 +89,7 @@ def march(start: ArrayLike, gain: FloatArray, shift: FloatArray, *, rising: bool
     entered = np.concatenate([np.reshape(start, (1, *shift.shape[1:])), shift[::step]])
     diagonals = np.ones((2, len(entered)))
     np.negative(gain[::step], out=diagonals[1, :-1])
-    values, _ = dtbtrs(diagonals, entered, uplo="L", diag="U")
+    values, _ = scipy.linalg.lapack.dtbtrs(diagonals, entered, uplo="L", diag="U")
     return np.asarray(values.reshape(entered.shape)[::step])
 
 

@@ -24,7 +24,7 @@ from math import inf, nan, nextafter
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from smadrive.errors import ModelError
 from smadrive.files.number_text import shortened
@@ -201,7 +201,7 @@ class PreisachPlane:
             return (lower,)
         if excess(v) <= _CLOSE:
             return lower, upper
-        return lower, upper, float(brentq(excess, lower, v, xtol=1e-12))
+        return lower, upper, float(scipy.optimize.brentq(excess, lower, v, xtol=1e-12))
 
     def branches(self, v: FloatArray, *, rising: bool) -> FloatArray:
         """Return the state of the plane at the inputs `v`: the heating branch if `rising`, else the cooling branch."""

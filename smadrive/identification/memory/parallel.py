@@ -17,7 +17,7 @@ so the record determines θ.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy
 
 from smadrive.hysteresis import GaussianMixture
 from smadrive.hysteresis.branch.engine import BranchEngine
@@ -91,7 +91,7 @@ def duhem_part(
     low = np.array([-np.inf, 0.0, -1.0, _LEAST_GAP, np.log(_NARROWEST), np.log(_NARROWEST)])
     high = np.array([np.inf, 2.0, 2.0, 1.0, np.log(_WIDEST), np.log(_WIDEST)])
     guess = np.array([float(y.min()), _START, heating, max(heating - cooling, 1.1 * _LEAST_GAP), *sigmas])
-    best = least_squares(
+    best = scipy.optimize.least_squares(
         search.residuals,
         guess,
         search.jacobian,

@@ -14,8 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.optimize import nnls
+import scipy
 
 from smadrive.hysteresis.memory.plane import in_plane
 from smadrive.identification.memory.incidence import PlaneGrid
@@ -113,13 +112,13 @@ class PlaneProblem:
         """
         rows, padded = self.rows[:, :-1][:, active], self._padded(changes)
         factor = np.asarray(np.linalg.qr(self.triangular[:-1, :-1][:, active], mode="r"))
-        half = solve_triangular(factor, rows.T @ padded, trans="T")
-        return np.asarray(padded - rows @ solve_triangular(factor, half))
+        half = scipy.linalg.solve_triangular(factor, rows.T @ padded, trans="T")
+        return np.asarray(padded - rows @ scipy.linalg.solve_triangular(factor, half))
 
     def _projected(self, output: FloatArray) -> FloatArray:
         """Return Qᵀ times the weighted output, (cells + 1,). Q = rows R⁻¹ is never formed."""
         along = self.rows[: len(output)].T @ (output * self.weights)
-        return np.asarray(solve_triangular(self.triangular, along, trans="T"))
+        return np.asarray(scipy.linalg.solve_triangular(self.triangular, along, trans="T"))
 
     def _padded(self, output: FloatArray) -> FloatArray:
         padded = np.zeros((len(self.rows), *output.shape[1:]))
@@ -128,7 +127,7 @@ class PlaneProblem:
 
 
 def _non_negative(columns: FloatArray, right: FloatArray) -> FloatArray:
-    return np.asarray(nnls(columns, right, maxiter=_ITERATIONS * columns.shape[1])[0])
+    return np.asarray(scipy.optimize.nnls(columns, right, maxiter=_ITERATIONS * columns.shape[1])[0])
 
 
 def _neighbours(grid: PlaneGrid) -> FloatArray:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.residuals import noise_deviation
@@ -117,7 +117,9 @@ def _strain(design: ResistanceDesign, penalty: float, noise_v: float) -> float:
     def cost_v2(strain: float) -> float:
         return _solved(design, strain, penalty, noise_v).cost_v2
 
-    return float(minimize_scalar(cost_v2, bounds=(0.0, MOST_STRAIN), method="bounded", options={"xatol": 1e-3}).x)
+    return float(
+        scipy.optimize.minimize_scalar(cost_v2, bounds=(0.0, MOST_STRAIN), method="bounded", options={"xatol": 1e-3}).x
+    )
 
 
 def _solved(design: ResistanceDesign, strain: float, penalty: float, noise_v: float) -> LinearFit:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import softmax
+import scipy
 
 from smadrive.hysteresis.fuzzy import TriangularSets
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
@@ -103,7 +103,7 @@ class RuleProblem:
             return self.centres, np.empty((unknowns.sets, 0))
         lower, upper = self.record.input_range
         free = 1 - unknowns.gaps * LEAST_GAP
-        share = softmax(x[unknowns.logits])
+        share = scipy.special.softmax(x[unknowns.logits])
         centres = lower + (upper - lower) * np.cumsum(LEAST_GAP + free * share)[:-1]
         slope = free * (np.diag(share) - np.outer(share, share))
         return centres, (upper - lower) * np.cumsum(slope, axis=0)[:-1]

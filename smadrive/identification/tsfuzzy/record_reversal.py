@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression
 
 from smadrive.identification.record import Record
 from smadrive.numerics.arrays import FloatArray
@@ -63,7 +63,7 @@ def find_record_reversals(record: Record) -> RecordReversals:
     for run in _runs(record.v):
         v, y, count = record.v[run], record.mean_y[run] / record.output_span, record.count[run]
         heating = bool(v[-1] > v[0])
-        nearest = isotonic_regression(y, weights=count, increasing=heating == rises)
+        nearest = scipy.optimize.isotonic_regression(y, weights=count, increasing=heating == rises)
         squares += float(count @ (y - nearest.x) ** 2)
         for start, end in pairwise(nearest.blocks):
             if np.ptp(y[start:end]) > material:
