@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from math import nan
 
 import numpy as np
-import scipy  # imports scipy.signal at its first use
+import scipy
 
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.hysteresis.reversal import monotone_runs, turning_points

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy  # imports scipy.signal (0.4 s) only at its first use: most programs that import this file fit nothing
+import scipy
 
 from smadrive.errors import IdentificationError
 from smadrive.identification.excitation import ExcitationRecord
