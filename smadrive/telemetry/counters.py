@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -20,6 +20,23 @@ LAYOUT = np.dtype(
         ("trouble", f"S{TROUBLE_BYTES}"),
     ]
 )
+
+
+class PublisherCounts(NamedTuple):
+    """The counts of a publication, since the command began.
+
+    samples        samples that the broker has confirmed
+    dropped        samples that were overwritten before they were sent
+    waiting        samples that are not confirmed yet
+    connections    connections to the broker
+    trouble        reason why the broker is not connected; empty while it is connected, and before the first failure
+    """
+
+    samples: int
+    dropped: int
+    waiting: int
+    connections: int
+    trouble: str
 
 
 class PublisherCounters(MappedBlock):
@@ -46,3 +63,8 @@ class PublisherCounters(MappedBlock):
     @trouble.setter
     def trouble(self, text: str) -> None:
         self._block["trouble"] = text.encode()[:TROUBLE_BYTES]
+
+    def counts(self, written: int) -> PublisherCounts:
+        """Return the counts after the driver has written this number of samples."""
+        confirmed, dropped = self["confirmed_to"], self["dropped"]
+        return PublisherCounts(confirmed - dropped, dropped, written - confirmed, self["connections"], self.trouble)

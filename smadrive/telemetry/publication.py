@@ -13,37 +13,20 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from types import TracebackType
-from typing import NamedTuple, Self
+from typing import Self
 
 from smadrive.files.extras import check_extra
 from smadrive.rig.config import RigConfig
 from smadrive.stream.shared_memory import SharedReader, SharedWriter
 from smadrive.stream.supervised_process import SupervisedProcess
 from smadrive.telemetry.address import BrokerAddress
-from smadrive.telemetry.counters import PublisherCounters
+from smadrive.telemetry.counters import PublisherCounters, PublisherCounts
 
 NICENESS = 5
 LOOK_S = 0.05
 """Period at which `off` from the broker is looked for, s."""
 
 CONNECTS_WITHIN_S = 2.0
-
-
-class PublisherCounts(NamedTuple):
-    """The counts of a publication, since the command began.
-
-    samples        samples that the broker has confirmed
-    dropped        samples that were overwritten before they were sent
-    waiting        samples that are not confirmed yet
-    connections    connections to the broker
-    trouble        reason why the broker is not connected; empty while it is connected, and before the first failure
-    """
-
-    samples: int
-    dropped: int
-    waiting: int
-    connections: int
-    trouble: str
 
 
 class Publication:
@@ -96,11 +79,7 @@ class Publication:
     @property
     def counts(self) -> PublisherCounts:
         """The present counts."""
-        counters, written = self._counters, self._reader.written
-        confirmed, dropped = counters["confirmed_to"], counters["dropped"]
-        return PublisherCounts(
-            confirmed - dropped, dropped, written - confirmed, counters["connections"], counters.trouble
-        )
+        return self._counters.counts(self._reader.written)
 
     def wait_for_broker(self) -> bool:
         """Wait until the broker is connected, at most `CONNECTS_WITHIN_S`. Return True if it is connected.

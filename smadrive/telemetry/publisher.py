@@ -15,6 +15,7 @@ from collections import deque
 from typing import Any, Protocol
 
 from smadrive.stream.shared_memory import SharedReader
+from smadrive.telemetry.broker import IN_FLIGHT
 from smadrive.telemetry.counters import PublisherCounters
 from smadrive.telemetry.schema import (
     ENDED,
@@ -28,7 +29,6 @@ from smadrive.telemetry.schema import (
     topic_of,
 )
 
-IN_FLIGHT = 100
 COUNTS_S = 5.0
 """Shortest time between two messages at the topic `publisher`, s."""
 
@@ -170,11 +170,5 @@ class Publisher:
         return self._broker.publish(topic_of(*self._place, message), payload, retain=retain)
 
     def _counts(self) -> dict[str, int]:
-        counters, written = self._counters, self._reader.written
-        return {
-            "schema": VERSION,
-            "samples": counters["confirmed_to"] - counters["dropped"],
-            "dropped": counters["dropped"],
-            "waiting": written - counters["confirmed_to"],
-            "connections": counters["connections"],
-        }
+        counts = self._counters.counts(self._reader.written)._asdict()
+        return {"schema": VERSION, **{name: count for name, count in counts.items() if name != "trouble"}}
