@@ -79,7 +79,7 @@ class Tuning:
             case SetSource(displacement_from=source):
                 return replace(self, displacement_from=source, change=change.key)
             case SetRule():
-                return self._with_model(_with_rule(self.model, change), _rule_name(change), self.caveats)
+                return self._with_model(_with_rule(self.model, change), change.name, self.caveats)
             case SetModel(text=text, source=place, caveats=caveats):
                 return self._with_model(parse_model(text, place=place), place, caveats)
             case Adapted(adaptation=adaptation):
@@ -153,24 +153,24 @@ def _changed_rules(model: TSFuzzyDuhem, change: SetRule) -> TSFuzzyDuhem:
         "a_cooling": model.cooling_law[0],
         "b_cooling": model.cooling_law[1],
     }
-    branch = "heating" if change.direction > 0 else "cooling"
+    branch = change.branch
     for symbol, value in (("a", change.a), ("b", change.b)):
         law = np.array(laws[f"{symbol}_{branch}"])
         law[change.index] = value
         laws[f"{symbol}_{branch}"] = law
-    _check_rule(change, branch)
+    _check_rule(change)
     return TSFuzzyDuhem(model.sets, **laws, scale=model.scale, offset=model.offset, input_range=model.input_range)
 
 
-def _check_rule(change: SetRule, branch: str) -> None:
+def _check_rule(change: SetRule) -> None:
     """Raise ModelError when this rule alone breaks the certificate. The `where` of the error is "a" or "b".
 
     A heating rule needs a < 0 and 0 ≤ b ≤ -a, a cooling rule a > 0 and -a ≤ b ≤ 0.
     """
-    sign = -1.0 if branch == "heating" else 1.0
+    sign = -change.direction
     if not sign * change.a > 0:
         raise ModelError(
-            f"with this value the {branch} rule is not stable",
+            f"with this value the {change.branch} rule is not stable",
             where="a",
             value=f"{change.a:g}",
             limit=f"a {'<' if sign < 0 else '>'} 0",
@@ -185,7 +185,3 @@ def _check_rule(change: SetRule, branch: str) -> None:
             limit=f"{low:g} to {high:g}",
             cure="enter a number within this limit",
         )
-
-
-def _rule_name(change: SetRule) -> str:
-    return f"rule {change.index + 1} {'heating' if change.direction > 0 else 'cooling'}"

@@ -123,10 +123,19 @@ class SetRule(PageRequest):
     b: float
 
     @property
+    def branch(self) -> Literal["heating", "cooling"]:
+        """The branch to which the rule belongs."""
+        return "heating" if self.direction > 0 else "cooling"
+
+    @property
+    def name(self) -> str:
+        """The name of the rule for users."""
+        return f"rule {self.index + 1} {self.branch}"
+
+    @property
     def event(self) -> str:
         """The text of the event that reports that the change is in force."""
-        branch = "heating" if self.direction > 0 else "cooling"
-        return f"rule {self.index + 1} {branch}: a = {self.a:g}, b = {self.b:g}"
+        return f"{self.name}: a = {self.a:g}, b = {self.b:g}"
 
 
 class SetModel(PageRequest):
