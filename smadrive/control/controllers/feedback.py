@@ -43,6 +43,10 @@ INTEGRATED_C = 1.0
 SOON = 0.8
 """Share of the large part of an error that one period removes. With 1, a wrong model would make an overshoot."""
 
+REMEMBERED = 0.98
+"""Factor per period by which the longest period is forgotten. The periods of a slow bus differ: the power for a large
+error must not make an overshoot in the longest of them."""
+
 
 @dataclass(frozen=True, slots=True)
 class PIGains:
@@ -82,6 +86,7 @@ class TemperatureFeedback:
     lasting_w: float = field(default=0.0, init=False)
     _handover_w: float = field(default=0.0, init=False)
     _takes_over: bool = field(default=False, init=False)
+    _longest_s: float = field(default=0.0, init=False)
 
     def take_over(self, before: TemperatureFeedback, integral_w: float) -> None:
         """Continue from the feedback `before`, with the integral `integral_w`, W.
@@ -90,7 +95,7 @@ class TemperatureFeedback:
         errors is beyond the bound.
         """
         self.integral_w, self.lasting_w = integral_w, before.lasting_w
-        self._takes_over = True
+        self._takes_over, self._longest_s = True, before._longest_s
 
     def update(
         self,
@@ -107,7 +112,8 @@ class TemperatureFeedback:
         `feedforward_w` is the power of the feedforward. Both gains are multiplied by `faster`.
         """
         near_c = min(max(error_c, -small_c), small_c)
-        far_w = SOON * self.gains.capacity_j_per_k * (error_c - near_c) / dt_s
+        self._longest_s = max(dt_s, REMEMBERED * self._longest_s)
+        far_w = SOON * self.gains.capacity_j_per_k * (error_c - near_c) / self._longest_s
         near_w = feedforward_w + faster * self.gains.proportional_w_per_k * near_c + self.integral_w
         requested_w, lasting_w = _limited(near_w + far_w, limit_w), _limited(near_w, limit_w)
         if requested_w == near_w + far_w:

@@ -87,7 +87,7 @@ class TrackingController:
         self.duration_s = reference.duration_s
         self._reference = reference
         self._wire = wire
-        self._limit_a = settings.current_limit_a
+        self._limit_a, self._period_s = settings.current_limit_a, settings.period_s
         noise_mm = DISPLACEMENT_NOISE * abs(wire.travel_mm)
         self._observer = WireObserver(wire, settings.period_s, settings.noise_c, noise_mm)
         resistance = None if wire.resistance is None else ResistanceSensor(wire, wire.resistance)
@@ -118,7 +118,7 @@ class TrackingController:
             self._feedback.take_over(before._feedback, estimate.temperature_c)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command for the period of `dt_s` seconds that begins `dt_s` after the measurement.
+        """Return the command for the period that begins with the next measurement. `dt_s` is the time since the last.
 
         The current is zero until the first reading of the temperature.
         """
@@ -127,11 +127,13 @@ class TrackingController:
         before = self._state or self._started(measurement)
         source, selected = self._sources.update(before.source, measurement, before.estimate, before.ahead, dt_s)
         estimate = self._observed(measurement, selected.used, dt_s)
-        period = self._coming_period(self._observer.predict(estimate, before.power_w, dt_s), time_s + dt_s, dt_s)
+        coming_s = max(dt_s, self._period_s)  # on a slow bus, a short period is followed by a long one
+        ahead = self._observer.predict(estimate, before.power_w, coming_s)
+        period = self._coming_period(ahead, time_s + coming_s, coming_s)
         direction, reversal = self._course(before, period)
         target = self._target(period, before.trim_mm, direction, reversal)
         is_measured = isfinite(selected.used.mm)
-        power_w = self._feedback.update(target, period.ahead, period.limit_w, dt_s, is_measured=is_measured)
+        power_w = self._feedback.update(target, period.ahead, period.limit_w, coming_s, is_measured=is_measured)
         ohm = self._wire.resistance_ohm(period.ahead.hysteresis)
         power_w = max(min(power_w, self._sources.most_a(source) ** 2 * ohm), self._sources.floor_a(source) ** 2 * ohm)
         trim_mm = 0.0
@@ -139,7 +141,7 @@ class TrackingController:
             is_free = 0.0 < power_w < period.limit_w
             error_mm = period.setpoint_mm - period.ahead.hysteresis.y
             error_c = target.temperature_c - period.ahead.temperature_c
-            trim_mm = self._trim.update(before.trim_mm, error_mm, error_c if is_free else inf, dt_s)
+            trim_mm = self._trim.update(before.trim_mm, error_mm, error_c if is_free else inf, coming_s)
         self._state = TrackingState(estimate, power_w, trim_mm, direction, reversal, period.ahead, source)
         return Command(
             sqrt(power_w / ohm),
