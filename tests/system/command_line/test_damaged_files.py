@@ -8,6 +8,7 @@ import pytest
 
 
 @pytest.mark.exhaustive
+@pytest.mark.timeout(2400)  # two minutes of processor time, of which a busy machine gives a part
 def test_damaged_files_end_in_a_result_or_a_typed_error():
     """The fuzzer runs in a separate process, because forking a process of the tests is not safe."""
     command = [sys.executable, str(Path(__file__).parents[2] / "benchmarks" / "fuzz_files.py"), "2", "7"]
