@@ -41,3 +41,14 @@ def test_large_error_counts_only_up_to_its_limit():
     feedback = TemperatureFeedback(GAINS)
     feedback.update(10.0, 0.5, 6.0, 1.0)
     assert feedback.integral_w == pytest.approx(GAINS.integral_w_per_k_s * INTEGRATED_C)
+
+
+def test_large_error_is_removed_in_the_longest_recent_period():
+    """On a slow bus a short period is followed by a long one, in which the same power would heat too far."""
+
+    def power_w(*periods_s):
+        feedback = TemperatureFeedback(GAINS)
+        return [feedback.update(10.0, 0.5, 100.0, dt_s, small_c=1.0) for dt_s in periods_s][-1]
+
+    assert power_w(0.35, 0.15) == pytest.approx(power_w(0.35), rel=0.05)
+    assert power_w(0.15) > 1.5 * power_w(0.35)
