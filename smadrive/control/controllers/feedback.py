@@ -18,8 +18,8 @@ because a large error shows that the wire is still moving. At a limit of the com
 power, and back-calculation would then change the integral by a large amount.
 
 A large error, for example after a step of the setpoint, is removed faster: the part of e beyond a bound has the gain
-0.8 m c / Δt, with Δt the period. So the command stays at its limit until the wire is near the setpoint. This gain is
-not used for a small error, because it would amplify the noise.
+0.8 m c / Δt, with Δt the longest recent period. So the command stays at its limit until the wire is near the setpoint.
+This gain is not used for a small error, because it would amplify the noise.
 
 Bumpless transfer: a feedback that replaces another feedback adds the last command of the replaced feedback minus its
 own first command. This difference then decays. With an error beyond the bound the command jumps, because the difference

@@ -100,7 +100,7 @@ def test_adaptation_begun_while_a_healthy_wire_heats_up_leaves_the_rules(rig, at
 
 
 def test_sample_without_power_leaves_the_estimate_of_the_temperature(ruled_rig):
-    """Where the wire heats up, the thermocouple lags: a new estimate would begin at a wrong temperature."""
+    """While the wire heats up, its thermocouple reads too low. An estimate that began there would be too cold."""
     ruled_rig.at(1.0, "arm")
     ruled_rig.at(2.0, "track", reference="sine")
     ruled_rig.run(until_s=12.0)
