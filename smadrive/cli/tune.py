@@ -82,7 +82,7 @@ def main(
         ExitStack() as rig_use,
     ):
         open_rig = rig_use.enter_context(Rig(config))
-        properties = WireProperties(wire.heat_balance or open_rig.nominal_balance, wire.resistance)
+        properties = WireProperties(wire.heat_balance or open_rig.nominal_balance, wire.resistance, wire.sections_c)
         _check(open_rig, properties, tuning, output)
         check_real_time(open_rig)
         if publication is not None:

@@ -96,20 +96,24 @@ class IdentifiedWire:
             "identified": datetime.now(UTC).isoformat(timespec="seconds"),
             **self.metrics,
             "caveats": list(self.caveats),
+            **self._parts(),
         }
-        if self.heat_balance is not None:
-            provenance["heat_balance"] = asdict(self.heat_balance)
-        if self.resistance is not None:
-            provenance["resistance"] = asdict(self.resistance)
-        if self.sections_c:
-            provenance["sections"] = dict(zip(_SECTION_KEYS, zip(*self.sections_c, strict=True), strict=True))
         save_model(self.model, path, provenance=provenance)
 
     def text(self) -> str:
-        """Return model, heat balance and resistance as text, in the format of a wire's file, as a log contains it."""
-        parts = {"heat_balance": self.heat_balance, "resistance": self.resistance}
-        provenance = {name: asdict(part) for name, part in parts.items() if part is not None}
-        return model_text(self.model, provenance, place="wire")
+        """Return the identified parts of the wire as text, in the format of a wire's file, as a log contains it."""
+        return model_text(self.model, self._parts(), place="wire")
+
+    def _parts(self) -> dict[str, Any]:
+        """Return heat balance, resistance and sections, those of them that are known, as a wire's file contains them."""
+        parts: dict[str, Any] = {}
+        if self.heat_balance is not None:
+            parts["heat_balance"] = asdict(self.heat_balance)
+        if self.resistance is not None:
+            parts["resistance"] = asdict(self.resistance)
+        if self.sections_c:
+            parts["sections"] = dict(zip(_SECTION_KEYS, zip(*self.sections_c, strict=True), strict=True))
+        return parts
 
     @classmethod
     def of(cls, wire: WireModel) -> IdentifiedWire:

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.recorded_loops import Sections
 from smadrive.wire.wire_model import WireModel
 
 
 @dataclass(frozen=True)
 class WireProperties:
-    """Heat balance and resistance of a wire.
+    """Heat balance, resistance and recorded loops of a wire.
 
-    `resistance` is the resistance over temperature and phase; None if it was not identified.
+    balance      heat balance
+    resistance   resistance over temperature and phase; None if it was not identified
+    sections_c   sections of the record of the identification, as (turning point, end) in °C; empty if unknown
     """
 
     balance: HeatBalance
     resistance: WireResistance | None = None
+    sections_c: Sections = ()
 
     def wire_model(self, model: IdentifiedModel) -> WireModel:
         """Return the wire with the hysteresis model `model`, as a model that can be stepped."""
@@ -27,4 +31,4 @@ class WireProperties:
 
     def identified(self, model: IdentifiedModel) -> IdentifiedWire:
         """Return the wire with the hysteresis model `model`, as its file or a log contains it."""
-        return IdentifiedWire.of(self.wire_model(model))
+        return replace(IdentifiedWire.of(self.wire_model(model)), sections_c=self.sections_c)

@@ -8,8 +8,10 @@ import pytest
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.hysteresis.turning_points import MOST_TURNS
-from smadrive.wire.identified_wire import IdentifiedWire, load_wire
+from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_wire import IdentifiedWire, load_wire, parse_wire
 from smadrive.wire.recorded_loops import dropped_turns, outside, recorded_sections, sections_of
+from smadrive.wire.wire_properties import WireProperties
 
 DUHEM = DuhemModel.gaussian(
     mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
@@ -60,6 +62,13 @@ def test_turning_points_of_too_many_loops_inside_each_other_are_counted(turns, d
 
 def test_every_run_is_near_an_unknown_record():
     assert outside(sections_of(NESTED), ()) == ()
+
+
+def test_sections_are_kept_while_the_model_of_a_wire_is_tuned():
+    sections_c = recorded_sections(NESTED)
+    balance = HeatBalance(0.0298, 0.014, 0.83, 22.0, 16.5, -0.12, 0.15)
+    tuned = WireProperties(balance, None, sections_c).identified(DUHEM)
+    assert parse_wire(tuned.text(), place="tuned").sections_c == sections_c
 
 
 def test_sections_are_kept_in_the_file_of_a_wire(tmp_path):
