@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import gc
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 LOOP_PRIORITY = 1
 GUARDIAN_PRIORITY = 2
@@ -34,3 +35,25 @@ def use_real_time_scheduling(priority: int = LOOP_PRIORITY) -> None:
             os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
     gc.collect()
     gc.freeze()
+
+
+@contextmanager
+def real_time_scheduling() -> Iterator[None]:
+    """Give the calling thread real-time scheduling during the `with` block, and its own scheduling again afterwards.
+
+    See use_real_time_scheduling. A thread that has real-time scheduling already keeps it.
+    """
+    if not hasattr(os, "sched_getscheduler") or os.sched_getparam(0).sched_priority > 0:
+        yield
+        return
+    policy, niceness = os.sched_getscheduler(0), os.getpriority(os.PRIO_PROCESS, 0)
+    is_frozen = gc.get_freeze_count() > 0
+    use_real_time_scheduling()
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            os.sched_setscheduler(0, policy | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+            os.setpriority(os.PRIO_PROCESS, 0, niceness)
+        if not is_frozen:
+            gc.unfreeze()

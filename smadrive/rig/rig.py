@@ -6,12 +6,12 @@ This module computes nothing and sends no request: controllers compute, and devi
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-from smadrive.clock import Clock
+from smadrive.clock import Clock, MonotonicClock
 from smadrive.control.controllers.interface import Controller
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.loop import ControlLoop, LoopMetrics, StopRequested, TickHandler, never
@@ -26,6 +26,7 @@ from smadrive.identification.excitation import Excitation
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.modbus.transports.transport import Transport
 from smadrive.posix import check_posix
+from smadrive.real_time import real_time_scheduling
 from smadrive.rig.assembly import open_devices
 from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_excitation_time, check_limits, check_same_wire
@@ -222,13 +223,14 @@ class Rig:
         judge = supervisor(self.config, self.heater, balance, checks, self._heated)
         if (latched := self.latch.read()) is not None:
             raise SafetyError("refused to arm: the last run tripped", value=latched, cure=CLEAR)
-        self._check_rate()
         heater, clock, period_s = self.heater, self.clock, self.period_s
         loop = ControlLoop(heater, controller, judge, clock, period_s, record, stop_requested, self.latch.latch)
-        try:
-            return loop.run(self.config.limits.watchdog_s)
-        finally:
-            self._heated = judge.heated
+        with real_time_scheduling() if isinstance(clock, MonotonicClock) else nullcontext():
+            self._check_rate()
+            try:
+                return loop.run(self.config.limits.watchdog_s)
+            finally:
+                self._heated = judge.heated
 
     def _check_rate(self) -> None:
         """Raise ConfigError if the devices cannot keep up with the rig's rate."""

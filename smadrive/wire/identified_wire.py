@@ -105,7 +105,7 @@ class IdentifiedWire:
         return model_text(self.model, self._parts(), place="wire")
 
     def _parts(self) -> dict[str, Any]:
-        """Return heat balance, resistance and sections, those of them that are known, as a wire's file contains them."""
+        """Return what is known of heat balance, resistance and sections, as a wire's file contains it."""
         parts: dict[str, Any] = {}
         if self.heat_balance is not None:
             parts["heat_balance"] = asdict(self.heat_balance)
