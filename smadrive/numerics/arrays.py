@@ -9,11 +9,24 @@ from smadrive.errors import DataError
 
 FloatArray = NDArray[np.float64]
 
+_PARSED = "OUS"
+"""Kinds of arrays whose values are converted one by one: objects and texts.
+
+Of the other kinds, an unsafe conversion would also take complex numbers, dates and durations, and lose their meaning.
+"""
+
 
 def float_array(name: str, values: ArrayLike) -> FloatArray:
-    """Return a copy of `values` as a float64 array of any shape. DataError about `name` when they are not numbers."""
+    """Return a copy of `values` as a float64 array of any shape.
+
+    DataError about `name` when they are not real numbers, and when some of them are masked.
+    """
+    if np.ma.is_masked(values):
+        masked, cure = int(np.ma.getmaskarray(values).sum()), "remove the masked values, or pass the array without its mask"
+        raise DataError("has masked values", where=name, value=masked, cure=cure)
     try:
-        return np.array(values, dtype=np.float64)
+        array = np.asarray(values)
+        return array.astype(np.float64, casting="unsafe" if array.dtype.kind in _PARSED else "same_kind")
     except (TypeError, ValueError, OverflowError) as error:
         raise DataError("not numbers", where=name, value=error, cure="pass an array of floats") from error
 
