@@ -9,6 +9,7 @@ every staged device, also a flyer. So `kickoff` needs a staged wire: the abort t
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any
@@ -16,7 +17,7 @@ from typing import Any
 from smadrive.bluesky.readings import Readings, WireSample
 from smadrive.bluesky.settings import SmaWireSettings
 from smadrive.control.controllers.interface import Command
-from smadrive.control.loop import Tick
+from smadrive.control.loop import Tick, TickHandler
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, MotionError
 from smadrive.safety.shutdown import shutdown_of
@@ -61,7 +62,7 @@ class SmaWire:
         self._reference: Reference | None = None
         self._pending: list[Motion] = []
         self._flown: Motion | None = None
-        self._events: list[WireSample] = []
+        self._events: deque[WireSample] = deque()
 
     @property
     def hints(self) -> dict[str, Any]:
@@ -179,8 +180,8 @@ class SmaWire:
             raise ConfigError("a flyer must be staged", where=self.name, cure=cure)
         servo = self._running_servo()
         approach, self._flown = servo.follow(self._reference)
-        self._events = []
-        approach.add_callback(lambda motion: self._begin_collecting(servo, motion))
+        self._events.clear()
+        servo.takers.append(self._collector(servo, approach, self._flown))
         self._followed(self._flown)
         return self._followed(approach)
 
@@ -196,20 +197,19 @@ class SmaWire:
 
     def collect(self) -> Iterator[dict[str, Any]]:
         """Yield an event for each tick of the reference since the last `collect`."""
-        events, self._events = self._events, []
-        yield from (self._readings.event(sample) for sample in events)
+        while self._events:
+            yield self._readings.event(self._events.popleft())
 
-    def _begin_collecting(self, servo: Servo, approach: Motion) -> None:
-        """Collect ticks from the end of the approach to the end of the flight."""
-        flown, events = self._flown, self._events
-        if not approach.success or flown is None:
-            return
+    def _collector(self, servo: Servo, approach: Motion, flown: Motion) -> TickHandler:
+        """Return the taker that collects the ticks from the end of the approach to the end of the flight."""
 
         def take(tick: Tick) -> None:
-            events.append(WireSample(tick, servo.unix_s(tick)))
+            if flown.done:
+                servo.takers.remove(take)
+            elif approach.success:
+                self._events.append(WireSample(tick, servo.unix_s(tick)))
 
-        servo.takers.append(take)
-        flown.add_callback(lambda _motion: servo.takers.remove(take))
+        return take
 
     def _end(self, servo: Servo) -> None:
         """Stop a servo.

@@ -88,6 +88,22 @@ def test_flight_yields_an_event_for_each_tick(engine, documents, rig, wire):
     np.testing.assert_allclose(np.diff(times_s), 0.05, atol=0.005)
 
 
+def test_flight_may_be_collected_in_parts(rig, wire):
+    wire.stage()
+    wire.prepare(SINE)
+    wire.kickoff().wait()
+    events = list(wire.collect())
+    for _ in range(3):
+        wire.trigger().wait()
+        events += wire.collect()
+    wire.complete().wait()
+    wire.unstage()
+    events += wire.collect()
+    assert len(events) == pytest.approx(20.0 * 20.0, abs=3)
+    times_s = [event["time"] for event in events]
+    np.testing.assert_allclose(np.diff(times_s), 0.05, atol=0.005)
+
+
 def test_flight_needs_a_stage_and_a_reference(rig, wire):
     with pytest.raises(ConfigError, match="no reference"):
         wire.kickoff()
