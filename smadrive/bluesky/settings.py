@@ -9,7 +9,7 @@ from typing import Any
 
 from smadrive.errors import ConfigError
 from smadrive.files.spelling import suggestion_or_list
-from smadrive.scripting.servo import default_speed_and_tolerance
+from smadrive.scripting.move_options import default_speed_and_tolerance
 
 UNITS = {"speed_mm_per_s": "mm/s", "tolerance_mm": "mm", "settle_s": "s", "timeout_s": "s"}
 

@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable
 
 from smadrive.errors import MotionError
-from smadrive.scripting.callbacks import succeeds
+from smadrive.scripting.callbacks import check_may_wait, succeeds
 
 
 class Motion:
@@ -37,8 +37,11 @@ class Motion:
     def exception(self, timeout: float | None = 0.0) -> BaseException | None:
         """Wait up to `timeout` seconds for the end of the motion; None waits without a limit.
 
-        Return the error of the motion, or None if it has succeeded. MotionError if it is still under way.
+        Return the error of the motion, or None if it has succeeded. MotionError if it is still under way, also at once
+        in a function that is called with a tick or at the end of a motion: it must not wait.
         """
+        if not self.done:
+            check_may_wait(self._what)
         if not self._is_over.wait(timeout):
             cure = "wait longer"
             raise MotionError("is still under way", where=self._what, value=f"{timeout:g} s", cure=cure)
@@ -47,7 +50,7 @@ class Motion:
     def wait(self, timeout: float | None = None) -> None:
         """Wait up to `timeout` seconds for the end of the motion; None waits without a limit.
 
-        Raise the error of the motion if it has failed. MotionError if it is still under way.
+        Raise the error of the motion if it has failed. MotionError as `exception` does.
         """
         error = self.exception(timeout)
         if error is not None:
@@ -56,7 +59,8 @@ class Motion:
     def add_callback(self, callback: Callable[[Motion], None]) -> None:
         """Call `callback` with this motion when it ends. If it has ended already, call `callback` now.
 
-        An error of a later call is shown with its traceback, and changes nothing.
+        A later call is in another thread. There `callback` must not wait for a motion or use the rig; it may give new
+        commands to the servo, and stop it. An error of a later call is shown with its traceback, and changes nothing.
         """
         with self._mutex:
             if not self.done:

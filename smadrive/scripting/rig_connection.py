@@ -13,6 +13,7 @@ from smadrive.display.card import card
 from smadrive.errors import ConfigError
 from smadrive.rig.config import RigConfig
 from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
+from smadrive.scripting.callbacks import check_may_wait, is_callback
 from smadrive.scripting.loop.loop_client import LoopClient
 from smadrive.scripting.loop.messages import CloseRequest, OpenedRig, OpenRequest
 from smadrive.scripting.servo import Servo
@@ -61,17 +62,24 @@ class RigConnection:
         """Stop a running servo, switch the heater off, and end the loop process.
 
         Raises an error if the heater is not confirmed off. StoppedError if `smadrive off` has stopped the loop process
-        and no call has raised this error before.
+        and no call has raised this error before. In a callback of the servo, MotionError: the servo stops, and the rig
+        stays open.
         """
         if not self.is_open:
             return
+        if is_callback():
+            self._stop_servo()
+            check_may_wait(f"rig '{self.config.name}'")
         try:
-            if self._servo is not None and self._servo.is_running:
-                self._servo.stop()
+            self._stop_servo()
             if not self._client.is_end_raised:
                 self._client.call(CloseRequest())
         finally:
             self._finalizer()
+
+    def _stop_servo(self) -> None:
+        if self._servo is not None and self._servo.is_running:
+            self._servo.stop()
 
     def _call(self, request: Any) -> Any:
         self._check_free()

@@ -14,7 +14,6 @@ from types import TracebackType
 from typing import Self
 
 from smadrive.control.loop import Tick, TickHandler
-from smadrive.control.references.holding import PEAK
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, MotionError
 from smadrive.measurement import Measurement
@@ -25,10 +24,9 @@ from smadrive.scripting.arguments import (
     check_displacement_within,
     check_reference_within,
     permitted_mm,
-    positive_number,
     travel_limits_mm,
 )
-from smadrive.scripting.callbacks import succeeds
+from smadrive.scripting.callbacks import is_callback, succeeds
 from smadrive.scripting.loop.loop_client import LoopClient
 from smadrive.scripting.loop.messages import DrivenRun, ServoRequest
 from smadrive.scripting.loop.servo_messages import (
@@ -40,14 +38,9 @@ from smadrive.scripting.loop.servo_messages import (
     StopCommand,
 )
 from smadrive.scripting.motion import Motion
+from smadrive.scripting.move_options import move_options
 from smadrive.scripting.run import Run
 from smadrive.wire.identified_wire import IdentifiedWire
-
-MOVE_S = 10.0
-"""Duration of a move through the whole travel, at the default speed."""
-
-TOLERANCE = 0.01
-"""The default tolerance of a move, as a share of the travel."""
 
 STOPS_WITHIN_S = 30.0
 """The loop process is killed if it has not ended the run after this time. All tries to switch off need less time."""
@@ -62,7 +55,8 @@ class Servo:
 
     The run is supervised and recorded in a log like every run. After a trip, all motions fail with the TripError.
 
-    takers     functions that are called with each tick, in another thread; one that raises an error is called no more
+    takers     functions that are called with each tick, in another thread, where they must not wait; one that raises
+               an error is called no more
     dropped    number of ticks that this process did not get, because it did not read in time; the log has them
     limits     smallest and greatest displacement that the wire can reach and the rig permits, mm
     """
@@ -138,25 +132,18 @@ class Servo:
     ) -> Motion:
         """Move the wire smoothly to a displacement, and hold it there.
 
-        speed_mm_per_s   greatest speed of the path; by default a move through the whole travel takes `MOVE_S`
-        tolerance_mm     greatest distance from the setpoint; by default `TOLERANCE` times the travel
+        speed_mm_per_s   greatest speed of the path; by default a move through the whole travel takes 10 s
+        tolerance_mm     greatest distance from the setpoint; by default 1 % of the travel
         settle_s         when the path has ended and the wire has been within the tolerance for this time, the motion is
                          done
         timeout_s        the motion fails if it is not done at this time after the end of the path
 
-        ConfigError for a displacement outside `limits`, and for a number that is not positive; `settle_s` may be 0.
+        ConfigError for a displacement outside `limits`, and for an option that is out of its range (see move_options).
         """
-        speed, tolerance = default_speed_and_tolerance(travel_limits_mm(self._wire))
-        numbers = {
-            "speed_mm_per_s": speed if speed_mm_per_s is None else speed_mm_per_s,
-            "tolerance_mm": tolerance if tolerance_mm is None else tolerance_mm,
-            "settle_s": settle_s,
-            "timeout_s": timeout_s,
-        }
-        checked = [positive_number(value, name, may_be_zero=name == "settle_s") for name, value in numbers.items()]
+        options = move_options(travel_limits_mm(self._wire), speed_mm_per_s, tolerance_mm, settle_s, timeout_s)
         setpoint_mm = real_number(displacement_mm, "displacement_mm")
         check_displacement_within(setpoint_mm, self.limits)
-        return self._command(f"move to {setpoint_mm:g} mm", lambda number: MoveCommand(number, setpoint_mm, *checked))
+        return self._command(f"move to {setpoint_mm:g} mm", lambda number: MoveCommand(number, setpoint_mm, *options))
 
     def follow(self, reference: Reference) -> tuple[Motion, Motion]:
         """Move to the beginning of a reference, then track it.
@@ -175,7 +162,10 @@ class Servo:
         return self._command("next sample", SampleCommand)
 
     def stop(self) -> None:
-        """End the run at zero current, confirmed by read-back. Raises the error that has ended the run."""
+        """End the run at zero current, confirmed by read-back. Raises the error that has ended the run.
+
+        In a taker or a callback of a motion, request this end and return: these functions must not wait.
+        """
         self.__exit__(None, None, None)
 
     @cached_property
@@ -206,6 +196,8 @@ class Servo:
 
     def _end(self) -> None:
         self._client.command(self._id, StopCommand())
+        if is_callback():
+            return
         self._thread.join(STOPS_WITHIN_S)
         if self._thread.is_alive():
             self._client.kill()
@@ -243,8 +235,3 @@ class Servo:
 
 def _ended() -> MotionError:
     return MotionError("the run has ended", where="servo", cure="start the servo again")
-
-
-def default_speed_and_tolerance(limits_mm: tuple[float, float]) -> tuple[float, float]:
-    """Return the default `speed_mm_per_s` and `tolerance_mm` of a move of a wire with this travel."""
-    return PEAK * (limits_mm[1] - limits_mm[0]) / MOVE_S, TOLERANCE * (limits_mm[1] - limits_mm[0])

@@ -26,6 +26,7 @@ from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
 from smadrive.posix import check_posix
 from smadrive.safety.shutdown import shutdown_of
+from smadrive.scripting.callbacks import check_may_wait
 from smadrive.scripting.loop.counted_interrupts import CountedInterrupts
 from smadrive.scripting.loop.messages import (
     COMMAND,
@@ -127,8 +128,9 @@ class LoopClient:
 
         KeyboardInterrupt after an interruption, once the request has ended at zero current. StoppedError if
         `smadrive off` has stopped the process during this call or before it. LoopProcessError if the process has died.
-        ControllerError if a controller cannot be pickled.
+        ControllerError if a controller cannot be pickled. MotionError in a callback of a servo (see callbacks.py).
         """
+        check_may_wait("loop process")
         with self._one_call, CountedInterrupts() as interrupts:
             message = pickled(request)
             self._number += 1

@@ -88,6 +88,7 @@ def test_setpoint_that_is_not_reached_is_an_error(servo):
         ({"displacement_mm": 4.0, "speed_mm_per_s": 0.0}, "speed_mm_per_s"),
         ({"displacement_mm": 4.0, "tolerance_mm": -1.0}, "tolerance_mm"),
         ({"displacement_mm": 4.0, "timeout_s": float("inf")}, "timeout_s"),
+        ({"displacement_mm": 4.0, "speed_mm_per_s": 1e-6}, "speed_mm_per_s"),
         ({"displacement_mm": "4"}, "displacement_mm"),
     ],
 )
@@ -153,6 +154,34 @@ def test_error_in_a_function_of_the_script_is_shown_and_ends_nothing(rig, servo,
     servo.stop()
     assert [one.exc_type for one in shown] == [ZeroDivisionError] * 2
     assert ticks[-1].measurement.displacement_mm == pytest.approx(4.0, abs=0.2)
+    assert not rig.measure().armed
+
+
+@pytest.mark.parametrize("waiting", ["motion", "rig"])
+def test_function_that_waits_in_a_callback_gets_an_error_at_once(rig, servo, monkeypatch, waiting):
+    shown = []
+    monkeypatch.setattr(threading, "excepthook", shown.append)
+    motion = servo.move(3.0)
+    motion.add_callback(lambda _: servo.move(4.0).wait() if waiting == "motion" else rig.close())
+    motion.wait()
+    if waiting == "motion":
+        servo.move(5.0).wait()
+        servo.stop()
+    assert isinstance(servo.move(6.0).exception(None), MotionError)
+    assert not rig.measure().armed
+    assert [one.exc_type for one in shown] == [MotionError]
+
+
+@pytest.mark.parametrize("where", ["callback", "taker"])
+def test_servo_can_be_stopped_in_a_function_that_it_calls(rig, servo, where):
+    motion = servo.move(4.0, speed_mm_per_s=0.01 if where == "taker" else None)
+    if where == "taker":
+        servo.takers.append(lambda tick: tick.measurement.displacement_mm > 0.5 and servo.stop())
+        assert isinstance(motion.exception(None), MotionError)
+    else:
+        motion.add_callback(lambda _: servo.stop())
+        motion.wait()
+    servo.stop()
     assert not rig.measure().armed
 
 

@@ -77,6 +77,15 @@ def test_chirp_becomes_faster():
     assert np.all(np.diff(turns, 2) < 0)
 
 
+@pytest.mark.parametrize("approach_s", [5000.0, 1e9])
+def test_table_of_a_long_approach_is_short_and_exact(approach_s):
+    path = Reference.from_samples([0.0, 1.0], [7.0, 7.0]).with_approach(3.0, approach_s)
+    assert path.times_s.size < 6000
+    s = np.linspace(0.0, 1.0, 10_001)
+    exact_mm = 3.0 + 4.0 * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    np.testing.assert_allclose(np.interp(s * approach_s, path.times_s, path.displacement_mm), exact_mm, atol=4e-7)
+
+
 def test_approach_is_smooth_and_not_scored():
     reference = parse_reference("sine:low_mm=2,high_mm=9,period_s=20,cycles=1").with_approach(0.5, 10.0)
     assert reference.value_mm(0.0) == pytest.approx(0.5)
