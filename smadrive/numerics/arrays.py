@@ -21,8 +21,8 @@ def float_array(name: str, values: ArrayLike) -> FloatArray:
 
     DataError about `name` when they are not real numbers, and when some of them are masked.
     """
-    if np.ma.is_masked(values):
-        masked, cure = int(np.ma.getmaskarray(values).sum()), "remove the masked values, or pass the array without its mask"
+    if isinstance(values, np.ma.MaskedArray) and (masked := int(np.sum(values.mask))):
+        cure = "remove the masked values, or pass the array without its mask"
         raise DataError("has masked values", where=name, value=masked, cure=cure)
     try:
         array = np.asarray(values)
