@@ -57,10 +57,12 @@ class CampaignEstimate(NamedTuple):
 
 
 def estimated(plan: CampaignPlan, groups: list[list[int]]) -> CampaignEstimate:
-    """Return the estimate for the runs in `groups`. The runs of a group share one identification."""
-    numbers = [number for group in groups for number in group]
-    if not numbers:
-        return CampaignEstimate(0, 0, 0.0, PAGE_BYTES)
+    """Return the estimate for the runs in `groups`. The runs of a group share one identification.
+
+    The time contains the second execution of the worst runs, for their logs.
+    """
+    left = [number for group in groups for number in group]
+    numbers = left or range(plan.count)
     sampled = [
         plan.run(numbers[place]) for place in np.linspace(0, len(numbers) - 1, min(100, len(numbers)), dtype=int)
     ]
@@ -72,9 +74,10 @@ def estimated(plan: CampaignPlan, groups: list[list[int]]) -> CampaignEstimate:
     per_tick_s = 0.0 if first.settings.experiment == "fit" else tick_s(first)
     if first.settings.experiment == "fit":
         per_tick_s, tracking = 3e-4, FIT_TICKS
-    core_s = per_tick_s * (len(numbers) * tracking + identifications * identifying)
-    logs = plan.config.report.worst_logs * (tracking * TICK_BYTES + LOG_BYTES)
-    return CampaignEstimate(len(numbers), identifications, core_s, len(numbers) * ROW_BYTES + logs + PAGE_BYTES)
+    logged = min(plan.config.report.worst_logs, plan.count) if first.settings.experiment == "track" else 0
+    ticks = len(left) * tracking + identifications * identifying + logged * (tracking + identifying)
+    disk_bytes = len(left) * ROW_BYTES + logged * (tracking * TICK_BYTES + LOG_BYTES) + PAGE_BYTES
+    return CampaignEstimate(len(left), identifications, per_tick_s * ticks, disk_bytes)
 
 
 def check_disk(folder: Path, estimate: CampaignEstimate) -> None:

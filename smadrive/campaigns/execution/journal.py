@@ -2,13 +2,13 @@
 
 The first line identifies the plan, and the versions of the packages that compute the runs. Each further line is a JSON
 object with the number of a run, its row and its effort. A line is written as soon as its run is finished. A kill can
-cut the last line; it is removed when the journal is opened again, and its run is repeated.
+cut the last line, and a disk can damage any. The first damaged line and all lines after it are removed when the journal
+is opened again, and their runs are repeated.
 """
 
 from __future__ import annotations
 
 import fcntl
-import json
 import os
 import time
 from contextlib import suppress
@@ -21,6 +21,7 @@ from smadrive.campaigns.experiments.run import Effort, RunResult
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.versions import versions
 from smadrive.errors import DataError
+from smadrive.files.checked_line import checked_line, fields_of_line
 
 JOURNAL = "journal.jsonl"
 SCHEMA = 1
@@ -106,19 +107,16 @@ class Journal:
             raise DataError("another campaign writes into this folder", where=self.folder, cure=cure) from None
 
     def _read(self) -> None:
-        """Read the finished runs, and remove the lines from the first that a kill or a power failure has damaged."""
+        """Read the finished runs, and remove the lines from the first damaged one on."""
         head, *lines = self._file.readall().splitlines(keepends=True) or [b""]
         self._check_head(head)
         self._end = len(head)
         for line in lines:
             try:
-                entry = json.loads(line) if line.endswith(b"\n") else {}
-                result = RunResult(entry["row"], Effort(**entry["effort"]))
-            except (ValueError, KeyError, TypeError):
+                entry = fields_of_line(line if line.endswith(b"\n") else b"")
+            except ValueError:
                 break
-            if entry["run"] not in range(self._plan.count):
-                break
-            self.results[entry["run"]] = result
+            self.results[entry["run"]] = RunResult(entry["row"], Effort(**entry["effort"]))
             self._end += len(line)
         self._file.truncate(self._end)
         self._file.seek(self._end)
@@ -126,8 +124,8 @@ class Journal:
 
     def _check_head(self, line: bytes) -> None:
         try:
-            entry = dict(json.loads(line if line.endswith(b"\n") else b""))
-        except (ValueError, TypeError):
+            entry = fields_of_line(line if line.endswith(b"\n") else b"")
+        except ValueError:
             cure = "choose another folder"
             raise DataError(
                 "the first line of the journal is damaged", where=self.folder / JOURNAL, cure=cure
@@ -149,7 +147,7 @@ class Journal:
             )
 
     def _write(self, entry: dict[str, Any]) -> None:
-        line = f"{json.dumps(entry)}\n".encode()
+        line = checked_line(entry)
         written = 0
         try:
             while written < len(line):  # the last bytes of a full disk take a part of the line

@@ -30,7 +30,7 @@ class CampaignView:
     """
 
     def __init__(self, count: int, done: int, output: Output) -> None:
-        self._count, self._statuses = count, Counter[str]()
+        self._output, self._statuses = output, Counter[str]()
         console = Console(stderr=True)
         columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
         is_hidden = output.quiet or not console.is_terminal
@@ -57,8 +57,10 @@ class CampaignView:
         self._progress.update(self._task, advance=1, description=f"runs{wrong}")
 
     def step(self, name: str) -> None:
-        """Show a step after the runs."""
+        """Show a step after the runs. Without a bar, print its name."""
         self._progress.update(self._task, description=name)
+        if self._progress.disable:
+            self._output.say(name)
 
 
 def estimate_line(plan: CampaignPlan, done: int, estimate: CampaignEstimate, threads: int) -> str:

@@ -14,13 +14,13 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
-from zlib import crc32
+from typing import NamedTuple
 
 from pydantic import ValidationError
 
 from smadrive.display.card import count_text
 from smadrive.errors import DataError
+from smadrive.files.checked_line import checked_line, fields_of_line
 from smadrive.files.kinds import check_regular
 from smadrive.wire.health.entry import HealthEntry
 
@@ -69,7 +69,7 @@ def read_health(wire_file: Path) -> HealthRecord:
             entries += [_parsed(line)] if line.strip() else []
         except _NewerSchemaError:
             newer.append(number)
-        except (ValueError, ValidationError, RecursionError):
+        except (ValueError, ValidationError):
             damaged.append(number)
     if damaged and not (entries or newer or damaged == [len(lines)]):
         raise DataError("not a health record, or damaged", where=path, cure=_SIDE_PRODUCT)
@@ -102,23 +102,16 @@ def _content(path: Path) -> bytes:
 
 
 def _line(entry: HealthEntry) -> bytes:
-    fields = {"schema": SCHEMA_VERSION, **json.loads(entry.model_dump_json())}
-    return json.dumps({**fields, "crc32": _checksum(fields)}).encode() + b"\n"
+    return checked_line({"schema": SCHEMA_VERSION, **json.loads(entry.model_dump_json())})
 
 
 def _parsed(line: bytes) -> HealthEntry:
     """Return the entry of a line. ValueError for a damaged line."""
-    fields = json.loads(line)
-    if not isinstance(fields, dict) or fields.pop("crc32", None) != _checksum(fields):
-        raise ValueError("damaged")
+    fields = fields_of_line(line)
     schema = fields.pop("schema", None)
     if isinstance(schema, int) and schema > SCHEMA_VERSION:
         raise _NewerSchemaError
     return HealthEntry.model_validate(fields)
-
-
-def _checksum(fields: dict[str, Any]) -> int:
-    return crc32(json.dumps(fields).encode())
 
 
 def _caveats(name: str, newer: list[int], damaged: list[int], lines: int) -> Iterator[str]:

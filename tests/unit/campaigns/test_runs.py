@@ -14,6 +14,7 @@ from smadrive.campaigns.execution.scheduling import groups_of, run_all
 from smadrive.campaigns.experiments.run import Effort, RunResult, execute
 from smadrive.campaigns.results.table import results_table, write_table
 from smadrive.errors import DataError
+from smadrive.files.checked_line import checked_line, fields_of_line
 
 RESULT = RunResult({"rms_percent": 0.1 + 0.2, "max_percent": float("nan")}, Effort("", 1.0, 1.0, 0.0, "host:1"))
 
@@ -84,7 +85,14 @@ def test_an_interrupted_journal_goes_on(short_campaign, tmp_path):
         assert sorted(journal.results) == [0, 1]
 
 
-DAMAGED = [b"\0" * 200 + b"\n", b'{"run": 3, "row"', b"\xff\xfe\n", b"[1]\n", b'{"run": 99, "row": {}, "effort": {}}\n']
+DAMAGED = [
+    b"\0" * 200 + b"\n",
+    b'{"run": 3, "row"',
+    b"\xff\xfe\n",
+    b"[1]\n",
+    b"[" * 200_000 + b"\n",
+    b'{"run": 1, "row": {}, "effort": {}}\n',
+]
 
 
 @pytest.mark.parametrize("damaged", DAMAGED)
@@ -97,6 +105,18 @@ def test_damaged_end_of_a_journal_is_repeated(short_campaign, tmp_path, damaged)
     with Journal(folder, plan, resume=True) as journal:
         assert list(journal.results) == [0]
     assert (folder / JOURNAL).read_bytes() == whole
+
+
+def test_changed_digit_of_a_journal_is_damage(short_campaign, tmp_path):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(0, RESULT)
+        first = (folder / JOURNAL).read_bytes()
+        journal.add(1, RESULT)
+    second = (folder / JOURNAL).read_bytes().removeprefix(first)
+    (folder / JOURNAL).write_bytes(first + second.replace(b'"run": 1', b'"run": 2'))
+    with Journal(folder, plan, resume=True) as journal:
+        assert list(journal.results) == [0]
 
 
 @pytest.mark.parametrize("damaged", [lambda _line: b"\0\0\n", lambda line: line[:-1]])
@@ -157,8 +177,11 @@ def test_a_campaign_does_not_go_on_with_other_versions(short_campaign, tmp_path)
     folder = tmp_path / "folder"
     with Journal(folder, short_campaign(), resume=False) as journal:
         journal.add(0, RESULT)
-    text = (folder / "journal.jsonl").read_text()
-    (folder / "journal.jsonl").write_text(text.replace(f'"numpy": "{version("numpy")}"', '"numpy": "1.0"'))
+    head, *runs = (folder / JOURNAL).read_bytes().splitlines(keepends=True)
+    fields = fields_of_line(head)
+    assert fields["versions"]["numpy"] == version("numpy")
+    fields["versions"]["numpy"] = "1.0"
+    (folder / JOURNAL).write_bytes(b"".join([checked_line(fields), *runs]))
     with pytest.raises(DataError) as caught, Journal(folder, short_campaign(), resume=True):
         pass
     assert "numpy 1.0" in caught.value.value
