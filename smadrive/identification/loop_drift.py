@@ -16,8 +16,11 @@ the reading, and its slope corrects the lag. So neither a draft nor a wrong heat
 
 The noise of the reading moves the turning points, and a wrong turning point makes the whole inner loop wrong. So the
 standard errors also contain this noise: as a shift of the temperature in the errors of d₊ and d₋, and as the RMS change
-of the displacement by this shift in the error of s. A run that does not reach the ends of the travel extrapolates the
-stroke with the model, so the error of s also contains that of the model, `MODEL_ERROR`.
+of the displacement by this shift in the error of s, as a share of the visited travel. A run that does not reach the
+ends of the travel extrapolates the stroke with the model, so the error of s also contains that of the model,
+`MODEL_ERROR` of the visited travel. A dead band hides false reversals by the noise, and with them true ones that are as
+small, for example those of a wire that is held. So the fit is repeated with a narrower dead band, and the standard
+errors contain the change of the result.
 """
 
 from __future__ import annotations
@@ -42,8 +45,11 @@ SMOOTHED_S = 0.5
 It is much longer than the lag of a thermocouple bead, and much shorter than a passage through the transformation.
 """
 
-NOISES = 3.0
-"""Radius of the dead band against false reversals, in standard deviations of the noise of the reading."""
+NOISES, NARROWER = 2.0, 1.2
+"""Radius of the dead band against false reversals, and of the narrower one, in standard deviations of the reading.
+
+The smoothing leaves about half of the noise of the reading.
+"""
 
 MOST_SAMPLES = 1500
 """A path with more samples is thinned out to this number. Its turning points stay."""
@@ -102,28 +108,37 @@ def fit_loop_drift(
     `wire_c` and `displacement_mm` have the shape (samples,). `noise_c` is the noise of the thermocouple, K. `model` is
     the model from the identification. The result is `UNKNOWN` for a run that does not show the loop.
     """
-    path_c, moved_mm = _path(wire_c, displacement_mm, noise_c)
-    stroke_mm = abs(model.scale)
-    start_mm, before = float(moved_mm[0]), shape_of(model)
-    predicted_mm = model.simulate(path_c, start_mm)
-    if np.ptp(predicted_mm) < LEAST_TRAVEL * stroke_mm:
+    path_c, moved_mm = _path(wire_c, displacement_mm, NOISES * noise_c)
+    stroke_mm, shape = abs(model.scale), shape_of(model)
+    predicted_mm = model.simulate(path_c, float(moved_mm[0]))
+    visited = float(np.ptp(predicted_mm)) / stroke_mm
+    if visited < LEAST_TRAVEL:
         return UNKNOWN
-    likely = LikelyChanges()
-    prior = np.diag(np.array([likely.drift_c, likely.drift_c, likely.drift, likely.drift]) ** -2.0)
-    error, drift = (moved_mm - predicted_mm) / stroke_mm, np.zeros(4)
-    model_percent = 100.0 * float(np.sqrt(np.mean(error**2)))
-    for _ in range(ITERATIONS):
-        base_mm, jacobian = _linearized(model, before, drift, path_c, start_mm)
-        drift, covariance = _estimate(jacobian, (moved_mm - base_mm) / stroke_mm + jacobian @ drift, prior)
+    model_percent = 100.0 * float(np.sqrt(np.mean(((moved_mm - predicted_mm) / stroke_mm) ** 2)))
+    drift, covariance = _fitted(model, shape, path_c, moved_mm)
+    other, _ = _fitted(model, shape, *_path(wire_c, displacement_mm, NARROWER * noise_c))
     heating_k, cooling_k, share, _ = drift.tolist()
-    unsure = np.array([noise_c, noise_c, SHIFT * noise_c / min(before.sigma_heating, before.sigma_cooling)])
-    errors = np.sqrt(np.diag(covariance)[:3] + unsure**2 + np.array([0.0, 0.0, MODEL_ERROR]) ** 2).tolist()
+    scale_error = float(np.hypot(SHIFT * noise_c / min(shape.sigma_heating, shape.sigma_cooling), MODEL_ERROR))
+    systematic = np.array([noise_c, noise_c, scale_error / visited])
+    errors = np.sqrt(np.diag(covariance)[:3] + (drift - other)[:3] ** 2 + systematic**2).tolist()
     return LoopDrift(heating_k, cooling_k, share, (errors[0], errors[1], errors[2]), model_percent)
 
 
-def _path(wire_c: FloatArray, displacement_mm: FloatArray, noise_c: float) -> tuple[FloatArray, FloatArray]:
+def _fitted(
+    model: IdentifiedModel, before: BranchShape, path_c: FloatArray, moved_mm: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the estimate of x, and its covariance C. `before` is the shape of `model`."""
+    likely = LikelyChanges()
+    prior = np.diag(np.array([likely.drift_c, likely.drift_c, likely.drift, likely.drift]) ** -2.0)
+    start_mm, stroke_mm, drift = float(moved_mm[0]), abs(model.scale), np.zeros(4)
+    for _ in range(ITERATIONS):
+        base_mm, jacobian = _linearized(model, before, drift, path_c, start_mm)
+        drift, covariance = _estimate(jacobian, (moved_mm - base_mm) / stroke_mm + jacobian @ drift, prior)
+    return drift, covariance
+
+
+def _path(wire_c: FloatArray, displacement_mm: FloatArray, radius: float) -> tuple[FloatArray, FloatArray]:
     """Return the temperatures without false reversals, and the displacements, thinned out to `MOST_SAMPLES`."""
-    radius = NOISES * noise_c
     path_c = monotone_runs(wire_c, radius)
     kept = np.linspace(0, len(path_c) - 1, MOST_SAMPLES).round().astype(np.intp)
     kept = np.union1d(kept, turning_points(path_c, radius))

@@ -69,6 +69,21 @@ def test_unvisited_part_of_the_loop_has_a_large_error():
     assert part.errors[2] > 2.0 * whole.errors[2]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_small_reversals_of_a_held_wire_are_no_drift(seed):
+    """A wire that is held at 85 °C while its temperature dips by 0.4 K transforms a little further in each dip."""
+    _, wire_c, _, _ = samples(wire(), (25, 85, 87, 74, *(89.5, 68) * 6, 25))
+    held = int(np.argmax(wire_c >= 85.0))
+    dips_c = 85.0 - 0.2 * (1.0 - np.cos(np.linspace(0.0, 6.0 * np.pi, 400)))
+    wire_c = np.concatenate([wire_c[:held], dips_c, wire_c[held:]])
+    random = np.random.default_rng(seed)
+    reading_c = wire_c + NOISE_C * random.standard_normal(len(wire_c))
+    moved_mm = wire().simulate(wire_c) + NOISE_MM * random.standard_normal(len(wire_c))
+    smooth_c = wire_temperature_c(DT_S * np.arange(len(wire_c)), reading_c, 0.0)
+    found = fit_loop_drift(wire(), smooth_c, moved_mm, NOISE_C)
+    assert np.all(np.abs([found.heating_k, found.cooling_k, found.stroke_share]) < 3.0 * np.array(found.errors))
+
+
 def test_resting_wire_does_not_show_its_loop():
     time_s, _, reading_c, moved_mm = samples(wire(), (25, 40, 25))
     assert fit_loop_drift(wire(), wire_temperature_c(time_s, reading_c, 0.0), moved_mm, NOISE_C) == UNKNOWN
