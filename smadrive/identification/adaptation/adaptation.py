@@ -21,18 +21,18 @@ forgets: θ is an Ornstein-Uhlenbeck process around its initial value θ₀,
 So P never exceeds P₀, and θ returns to θ₀ in every direction that the samples do not determine. For example, until the
 wire reaches its hot end, an error of the scale and an error of the rules at the hot end can compensate each other.
 Errors within the dead zone count as noise: θ learns nothing from them, and larger errors are reduced by the dead zone.
+A wire at rest teaches nothing: as travel by the noise, its samples would count one error again and again.
 
 A sample is rejected if its error is larger than any likely change explains, or if the error has jumped. The adaptation
 ends, and θ returns to an earlier value, if the sensor shows no travel while the wire travels, or if too many samples in
-a row are rejected. No parameter moves further from its initial value than `limit` standard deviations of
-the likely changes.
+a row are rejected. No parameter moves further from its initial value than `limit` times its likely change.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from math import exp, isfinite
+from math import exp, isfinite, nan
 
 import numpy as np
 
@@ -68,15 +68,14 @@ ADAPTED = "adaptation"
 """The name of the changes of a tuning that the adaptation makes."""
 
 GATE = 5.0
-"""A sample is rejected if its error exceeds this number of standard deviations of the likely error.
-
-The likely error consists of the likely changes of the wire and of the noise.
-"""
+"""A sample is rejected if its error exceeds this number of standard deviations of likely changes and noise together."""
 JUMP_PER_C, JUMP = 0.05, 0.15
 """A sample is also rejected if its error has jumped since the last accepted sample.
 
 The error may change by `GATE` standard deviations of the noise, plus JUMP_PER_C strokes per K of travel (at most JUMP).
 """
+AT_REST = 3.0
+"""Radius of the dead band of a wire at rest, in standard deviations of the noise of the temperature."""
 MOST_DISBELIEVED = 15
 """The sensor is faulty if more than this number of samples in a row are rejected."""
 TRUSTED_MARKS = 30
@@ -105,7 +104,8 @@ class Adaptation:
         self._low, self._high = self._theta - reach, self._theta + reach
         self._low[self._of_rules] = np.maximum(self._low[self._of_rules], self._rules.least)
         self._covariance = self._prior.copy()
-        self._dead_band = DeadBand(0.5 * noise_c)
+        self._dead_band, self._rest = DeadBand(0.5 * noise_c), DeadBand(AT_REST * noise_c)
+        self._rest_c = nan
         self._v: float | None = None
         self._disbelieved, self._believed_error, self._since_believed_c = 0, 0.0, 0.0
         self._predicted: float
@@ -133,7 +133,8 @@ class Adaptation:
         """
         if not isfinite(temperature_c):
             return
-        v = self._dead_band.update(temperature_c)
+        v, before_c = self._dead_band.update(temperature_c), self._rest_c
+        self._rest_c = self._rest.update(temperature_c)
         if self._v is None:
             if isfinite(displacement_mm):
                 self._start(v, displacement_mm, wire)
@@ -145,7 +146,7 @@ class Adaptation:
         if self._plane is not None:
             self._plane.move(v)
         self._v = v
-        if self.sensor_fault is None and isfinite(displacement_mm) and travel:
+        if self.sensor_fault is None and isfinite(displacement_mm) and travel and self._rest_c != before_c:
             self._since_believed_c += travel
             measured = displacement_mm / abs(self._base.scale)
             predicted, _ = self._prediction()

@@ -84,6 +84,22 @@ def test_error_of_a_wire_at_rest_is_corrected_once(rules):
     assert min(scales) == pytest.approx(scales[-1], abs=0.01)
 
 
+def test_noise_of_a_cold_wire_at_rest_teaches_nothing(rules):
+    rng, adaptation = np.random.default_rng(1), Adaptation(rules, 0.1)
+
+    def rest(samples):
+        for _ in range(samples):
+            adaptation.update(22.0 + 0.06 * rng.normal(), 0.06 + NOISE_MM * rng.normal())
+        return adaptation.model
+
+    for v in np.linspace(60.0, 22.0, 100).tolist():
+        adaptation.update(v, 0.0)
+    before, after = rest(300), rest(3000)
+    path_c = np.concatenate([np.linspace(22.0, 120.0, 500), np.linspace(120.0, 22.0, 500)])
+    moved_mm = after.simulate(path_c, 0.0) - before.simulate(path_c, 0.0)
+    assert np.abs(moved_mm).max() < 1e-3 * STROKE_MM
+
+
 def test_stuck_sensor_ends_the_adaptation_and_changes_no_rule(rules):
     held = []
 
