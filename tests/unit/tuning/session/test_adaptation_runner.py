@@ -103,7 +103,7 @@ def test_sample_without_power_leaves_the_estimate_of_the_temperature(ruled_rig):
     """While the wire heats up, its thermocouple reads too low. An estimate that began there would be too cold."""
     ruled_rig.at(1.0, "arm")
     ruled_rig.at(2.0, "track", reference="sine")
-    ruled_rig.run(until_s=12.0)
+    ruled_rig.run(until_s=14.0)
     short = reshaped(ruled_rig.model, shape_of(ruled_rig.model)._replace(scale=11.0))
     tuning = Tuning.of(short, FeedbackConfig(), "as identified")
 
@@ -113,7 +113,7 @@ def test_sample_without_power_leaves_the_estimate_of_the_temperature(ruled_rig):
         for index, tick in enumerate(ruled_rig.ticks):
             measured = tick.measurement._replace(voltage_v=nan) if index == lost else tick.measurement
             runner.update(tick._replace(measurement=measured), tuning, is_heating=True)
-        return runner.due(12.0, is_heating=True).model.scale - short.scale
+        return runner.due(14.0, is_heating=True).model.scale - short.scale
 
     fastest = int(np.argmax(np.diff([tick.measurement.temperature_c for tick in ruled_rig.ticks])))
     assert learnt_mm(None) > 0.01
