@@ -64,7 +64,7 @@ def main(
     output = Output(as_json)
     folder = make_empty_folder(folder or _unused_folder())
     model_file, report = folder / "model.json", folder / "report.html"
-    lasts = "some ten minutes" if real_time else "some 20 s"
+    lasts = "some ten minutes" if real_time else "some 30 s"
     output.say(f"demo: excites a simulated wire, identifies it, tracks a reference twice; takes {lasts}")
     with ServedSimulator(SIM, real_time=real_time, seed=seed, log=folder / "firmware.log") as simulator:
         config = load_rig(RIG).at(simulator.url)

@@ -129,6 +129,8 @@ def _exists(path: Path) -> DataError:
 
 
 def _unwritable(path: Path, error: OSError) -> DataError:
+    if not path.parent.exists():
+        return DataError("cannot be written: its folder does not exist", where=path, cure=f"create {path.parent} first")
     return DataError(
         f"cannot be written: {error.strerror or error}", where=path, cure="check the folder and its free space"
     )

@@ -85,7 +85,8 @@ def check_table_columns(where: object, columns: tuple[str, str], names: Iterable
     in_order = sorted(names)
     for option, name in zip(("input", "output"), columns, strict=True):
         if name not in in_order:
-            other = f"choose another column with `{option}`; known are: {', '.join(in_order)}"
+            way = f"--{option} (in a script {option}=…)"
+            other = f"choose another column with {way}; known are: {', '.join(in_order)}"
             raise DataError(f"no column '{name}'", where=where, cure=suggestion(name, in_order) or other)
 
 

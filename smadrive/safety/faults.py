@@ -25,8 +25,8 @@ class Fault(Enum):
         3,
         "no fresh measurement arrived in time",
         (
-            "check the cable, the port and the device's supply; is the device, or its simulator, stopped? A slow "
-            "device needs a lower rate_hz or a larger stale_after_s"
+            "check the cable, the port and the device's supply; is the device, or its simulator, stopped, or the "
+            "computer too busy? A slow device needs a lower rate_hz or a larger stale_after_s"
         ),
     )
     DEVICE_FAULT = (4, "the device latched a fault of its own", "remove the cause of the device's fault")
