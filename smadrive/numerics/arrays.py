@@ -26,7 +26,9 @@ def float_array(name: str, values: ArrayLike) -> FloatArray:
         raise DataError("has masked values", where=name, value=masked, cure=cure)
     try:
         array = np.asarray(values)
-        return array.astype(np.float64, casting="unsafe" if array.dtype.kind in _PARSED else "same_kind")
+        if array.dtype.kind in _PARSED:
+            return np.array(values, dtype=np.float64)
+        return array.astype(np.float64, casting="same_kind")
     except (TypeError, ValueError, OverflowError) as error:
         raise DataError("not numbers", where=name, value=error, cure="pass an array of floats") from error
 
