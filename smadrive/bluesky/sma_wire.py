@@ -143,7 +143,8 @@ class SmaWire:
         """Switch the heater off, confirmed by read-back. If `success` is False, the motions under way fail.
 
         Otherwise they end with success. An error is raised only if the heater is not confirmed off. A trip raises no
-        error here, because the status of the interrupted motion has failed already.
+        error here, because the status of the interrupted motion has failed already. In a callback of a status this
+        method only requests the end: a callback must not wait for the read-back.
         """
         pending, self._pending = self._pending, []
         self._setpoint_mm = None

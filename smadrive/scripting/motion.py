@@ -50,7 +50,8 @@ class Motion:
     def wait(self, timeout: float | None = None) -> None:
         """Wait up to `timeout` seconds for the end of the motion; None waits without a limit.
 
-        Raise the error of the motion if it has failed. MotionError as `exception` does.
+        Raise the error of the motion if it has failed. MotionError if it is still under way, in the same cases as in
+        `exception`.
         """
         error = self.exception(timeout)
         if error is not None:

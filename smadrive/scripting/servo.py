@@ -138,7 +138,8 @@ class Servo:
                          done
         timeout_s        the motion fails if it is not done at this time after the end of the path
 
-        ConfigError for a displacement outside `limits`, and for an option that is out of its range (see move_options).
+        ConfigError for a displacement outside `limits`, for a number that is not positive (`settle_s` may be 0), and
+        for a speed at which a move through the whole travel takes longer than a day.
         """
         options = move_options(travel_limits_mm(self._wire), speed_mm_per_s, tolerance_mm, settle_s, timeout_s)
         setpoint_mm = real_number(displacement_mm, "displacement_mm")

@@ -25,7 +25,7 @@ A wire at rest teaches nothing: as travel by the noise, its samples would count 
 
 A sample is rejected if its error is larger than any likely change explains, or if the error has jumped. The adaptation
 ends, and θ returns to an earlier value, if the sensor shows no travel while the wire travels, or if too many samples in
-a row are rejected. No parameter moves further from its initial value than `limit` times its likely change.
+a row are rejected. No parameter moves further from its initial value than `limit` standard deviations of its change.
 """
 
 from __future__ import annotations
