@@ -4,47 +4,41 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass
 from typing import Any
 
 from smadrive.errors import ConfigError
 from smadrive.files.spelling import suggestion_or_list
-from smadrive.scripting.move_options import default_speed_and_tolerance
+from smadrive.scripting.move_options import MoveOptions, move_options
 
 UNITS = {"speed_mm_per_s": "mm/s", "tolerance_mm": "mm", "settle_s": "s", "timeout_s": "s"}
 
 
 @dataclass(frozen=True)
 class SmaWireSettings:
-    """The options of `Servo.move`."""
+    """The options of a move of a wire with this smallest and greatest displacement, in mm."""
 
-    speed_mm_per_s: float
-    tolerance_mm: float
-    settle_s: float = 1.0
-    timeout_s: float = 30.0
+    limits_mm: tuple[float, float]
+    options: MoveOptions
 
     @classmethod
     def for_limits(cls, limits_mm: tuple[float, float]) -> SmaWireSettings:
-        """Return the default settings for a wire with this smallest and greatest displacement, in mm."""
-        return cls(*default_speed_and_tolerance(limits_mm))
-
-    def options(self) -> dict[str, Any]:
-        """Return the settings as options of `Servo.move`."""
-        return asdict(self)
+        """Return the default settings for a wire with these limits."""
+        return cls(limits_mm, move_options(limits_mm))
 
     def changed(self, **settings: float) -> SmaWireSettings:
-        """Return the settings with some changed. ConfigError for an unknown name."""
-        names = [field.name for field in fields(self)]
+        """Return the settings with some changed. ConfigError for an unknown name, and as `move_options` raises it."""
+        names = MoveOptions._fields
         for name in settings:
             if name not in names:
                 cure = suggestion_or_list(name, names)
                 raise ConfigError("unknown setting", where="configure", value=name, cure=cure)
-        return replace(self, **settings)
+        return SmaWireSettings(self.limits_mm, move_options(self.limits_mm, **{**self.options._asdict(), **settings}))
 
     def read(self, device: str, texts: Mapping[str, str]) -> dict[str, dict[str, Any]]:
         """Return the settings and `texts` as readings of a device."""
         now_s = time.time()
-        values = {**asdict(self), **texts}
+        values = {**self.options._asdict(), **texts}
         return {f"{device}_{name}": {"value": value, "timestamp": now_s} for name, value in values.items()}
 
     def describe(self, device: str, texts: Sequence[str]) -> dict[str, dict[str, Any]]:

@@ -8,19 +8,19 @@ every staged device, also a flyer. So `kickoff` needs a staged wire: the abort t
 
 from __future__ import annotations
 
+import asyncio
 import time
-from collections import deque
 from collections.abc import Iterator
-from contextlib import suppress
 from typing import Any
 
+from smadrive.bluesky.flight import Flight
 from smadrive.bluesky.readings import Readings, WireSample
+from smadrive.bluesky.servo_end import end_servo
 from smadrive.bluesky.settings import SmaWireSettings
 from smadrive.control.controllers.interface import Command
-from smadrive.control.loop import Tick, TickHandler
+from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, MotionError
-from smadrive.safety.shutdown import shutdown_of
 from smadrive.scripting.arguments import (
     ReferenceLike,
     WireLike,
@@ -58,11 +58,12 @@ class SmaWire:
         self._servo: Servo | None = None
         self._is_staged = False
         self._setpoint_mm: float | None = None
+        self._stopped_mm: float | None = None
+        self._paused_mm: float | None = None
         self._idle: WireSample | None = None
         self._reference: Reference | None = None
+        self._flight: Flight | None = None
         self._pending: list[Motion] = []
-        self._flown: Motion | None = None
-        self._events: deque[WireSample] = deque()
 
     @property
     def hints(self) -> dict[str, Any]:
@@ -76,8 +77,8 @@ class SmaWire:
 
     @property
     def log_file(self) -> str:
-        """The log of the latest servo; empty before the first one."""
-        return "" if self._servo is None else str(self._servo.log_file)
+        """The absolute path of the log of the latest servo; empty before the first one."""
+        return "" if self._servo is None else str(self._servo.log_file.absolute())
 
     def check_value(self, value: float) -> None:
         """Raise ConfigError for a displacement in mm outside `limits`."""
@@ -86,7 +87,7 @@ class SmaWire:
     def set(self, value: float) -> Motion:
         """Move to a displacement in mm. The status is done when the wire has settled, and fails after a trip."""
         self.check_value(value)
-        motion = self._running_servo().move(value, **self._settings.options())
+        motion = self._running_servo().move(value, **self._settings.options._asdict())
         self._setpoint_mm = float(value)
         return self._followed(motion)
 
@@ -99,7 +100,7 @@ class SmaWire:
         """Take a fresh measurement: the next tick of the servo or, if no servo runs, a measurement at zero current."""
         if self._servo is not None and self._servo.is_running:
             return self._followed(self._servo.sample())
-        self._idle = self._measured()
+        self._idle, self._stopped_mm = self._measured(), None
         motion = Motion("measurement")
         motion.finish()
         return motion
@@ -129,8 +130,8 @@ class SmaWire:
 
     def stage(self) -> list[SmaWire]:
         """Take one measurement. Nothing is heated."""
-        self._is_staged = True
         self.trigger()
+        self._is_staged = True
         return [self]
 
     def unstage(self) -> list[SmaWire]:
@@ -147,18 +148,35 @@ class SmaWire:
         method only requests the end: a callback must not wait for the read-back.
         """
         pending, self._pending = self._pending, []
-        self._setpoint_mm = None
-        for motion in pending:
-            motion.finish(None if success else MotionError("was stopped", where=self.name))
+        if self._setpoint_mm is not None:
+            self._stopped_mm, self._setpoint_mm = self._setpoint_mm, None
+        error = None if success else MotionError("was stopped", where=self.name)
+        ended = [motion for motion in pending if motion.decide(error)]
         if self._servo is not None:
-            self._end(self._servo)
+            self._servo.request_end()
+        for motion in ended:
+            motion.call_back()
+        if self._servo is not None:
+            end_servo(self._servo, self._rig)
 
     def pause(self) -> None:
-        """Switch the heater off. After the pause, the run engine calls `set` again."""
+        """Switch the heater off, and keep the setpoint for `resume`."""
         self.stop()
+        self._paused_mm = self._stopped_mm
 
-    def resume(self) -> None:
-        """Do nothing: the next `set` heats again."""
+    async def resume(self) -> None:
+        """Move to the setpoint from before the pause, and return when the wire has settled there.
+
+        A run engine repeats only what the plan has done since its last checkpoint, and this need not contain the `set`.
+        If the move fails, its error is raised with the heater off.
+        """
+        setpoint_mm, self._paused_mm = self._paused_mm, None
+        if setpoint_mm is None:
+            return
+        error = await asyncio.to_thread(self.set(setpoint_mm).exception, None)
+        if error is not None:
+            self.stop()
+            raise error
 
     def prepare(self, value: ReferenceLike) -> Motion:
         """Choose the reference that `kickoff` tracks. ConfigError if it leaves the travel or the limits of the rig."""
@@ -179,18 +197,16 @@ class SmaWire:
         if not self._is_staged:
             cure = "use bluesky.preprocessors.stage_wrapper: it switches the heater off after an abort"
             raise ConfigError("a flyer must be staged", where=self.name, cure=cure)
-        servo = self._running_servo()
-        approach, self._flown = servo.follow(self._reference)
-        self._events.clear()
-        servo.takers.append(self._collector(servo, approach, self._flown))
-        self._followed(self._flown)
-        return self._followed(approach)
+        self._flight = Flight(self._running_servo(), self._reference)
+        self._setpoint_mm = None
+        self._followed(self._flight.flown)
+        return self._followed(self._flight.approach)
 
     def complete(self) -> Motion:
         """Return the status of the flight, which is done at the end of the reference. ConfigError before `kickoff`."""
-        if self._flown is None:
+        if self._flight is None:
             raise ConfigError("nothing flies", where=self.name, cure="call kickoff before")
-        return self._flown
+        return self._flight.flown
 
     def describe_collect(self) -> dict[str, dict[str, dict[str, Any]]]:
         """Return the data keys of the flight's stream, NAME_fly."""
@@ -198,31 +214,8 @@ class SmaWire:
 
     def collect(self) -> Iterator[dict[str, Any]]:
         """Yield an event for each tick of the reference since the last `collect`."""
-        while self._events:
-            yield self._readings.event(self._events.popleft())
-
-    def _collector(self, servo: Servo, approach: Motion, flown: Motion) -> TickHandler:
-        """Return the taker that collects the ticks from the end of the approach to the end of the flight."""
-
-        def take(tick: Tick) -> None:
-            if flown.done:
-                servo.takers.remove(take)
-            elif approach.success:
-                self._events.append(WireSample(tick, servo.unix_s(tick)))
-
-        return take
-
-    def _end(self, servo: Servo) -> None:
-        """Stop a servo.
-
-        If its run ended with an error and the heater was not confirmed off, switch the heater off, if the rig is open.
-        """
-        with suppress(Exception):
-            servo.stop()
-        outcome = None if servo.error is None else shutdown_of(servo.error)
-        is_confirmed = servo.error is None or (outcome is not None and outcome.confirmed)
-        if not is_confirmed and self._rig.is_open:
-            self._rig.off()
+        if self._flight is not None:
+            yield from map(self._readings.event, self._flight.samples())
 
     def _followed(self, motion: Motion) -> Motion:
         """Keep the motion, so that `stop` can end it."""
@@ -236,9 +229,13 @@ class SmaWire:
         return self._servo
 
     def _sample(self) -> WireSample:
-        """Return the latest tick of the servo, or else the latest measurement at zero current."""
-        if self._servo is not None and self._servo.is_running and self._servo.tick is not None:
-            return WireSample(self._servo.tick, self._servo.unix_s(self._servo.tick))
+        """Return the latest tick of the servo, after its first one, or else the latest measurement at zero current."""
+        servo = self._servo
+        if servo is not None and servo.is_running:
+            if servo.tick is None:
+                servo.sample().wait()
+            assert servo.tick is not None
+            return WireSample(servo.tick, servo.unix_s(servo.tick))
         if self._idle is None:
             self._idle = self._measured()
         return self._idle

@@ -71,11 +71,20 @@ class Motion:
 
     def finish(self, error: BaseException | None = None) -> None:
         """End the motion. With `error` it has failed, without `error` it has succeeded. Later calls have no effect."""
+        if self.decide(error):
+            self.call_back()
+
+    def decide(self, error: BaseException | None = None) -> bool:
+        """End the motion as `finish` does, but call no callback: `call_back` does it. Return False if it had ended."""
         with self._mutex:
             if self.done:
-                return
+                return False
             self._error = error
             self._is_over.set()
+        return True
+
+    def call_back(self) -> None:
+        """Call the callbacks of a motion that `decide` has ended."""
         for callback in self._callbacks:
             succeeds(callback, self)
 

@@ -15,6 +15,9 @@ MOVE_S = 10.0
 TOLERANCE = 0.01
 """The default tolerance of a move, as a share of the travel."""
 
+SETTLE_S = 1.0
+TIMEOUT_S = 30.0
+
 
 class MoveOptions(NamedTuple):
     """The options of `Servo.move`, which explains them."""
@@ -25,28 +28,21 @@ class MoveOptions(NamedTuple):
     timeout_s: float
 
 
-def default_speed_and_tolerance(limits_mm: tuple[float, float]) -> tuple[float, float]:
-    """Return the default `speed_mm_per_s` and `tolerance_mm` of a move of a wire with this travel."""
-    low_mm, high_mm = limits_mm
-    return _speed_mm_per_s(limits_mm, MOVE_S), TOLERANCE * (high_mm - low_mm)
-
-
 def move_options(
     limits_mm: tuple[float, float],
-    speed_mm_per_s: float | None,
-    tolerance_mm: float | None,
-    settle_s: float,
-    timeout_s: float,
+    speed_mm_per_s: float | None = None,
+    tolerance_mm: float | None = None,
+    settle_s: float = SETTLE_S,
+    timeout_s: float = TIMEOUT_S,
 ) -> MoveOptions:
     """Return the options of a move of a wire with this travel; None stands for the default value.
 
     ConfigError for a number that is not positive (`settle_s` may be 0), and for a speed at which a move through the
     whole travel takes longer than `LONGEST_S`.
     """
-    speed, tolerance = default_speed_and_tolerance(limits_mm)
     given = MoveOptions(
-        speed if speed_mm_per_s is None else speed_mm_per_s,
-        tolerance if tolerance_mm is None else tolerance_mm,
+        _speed_mm_per_s(limits_mm, MOVE_S) if speed_mm_per_s is None else speed_mm_per_s,
+        TOLERANCE * (limits_mm[1] - limits_mm[0]) if tolerance_mm is None else tolerance_mm,
         settle_s,
         timeout_s,
     )

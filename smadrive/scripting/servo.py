@@ -38,7 +38,7 @@ from smadrive.scripting.loop.servo_messages import (
     StopCommand,
 )
 from smadrive.scripting.motion import Motion
-from smadrive.scripting.move_options import move_options
+from smadrive.scripting.move_options import SETTLE_S, TIMEOUT_S, move_options
 from smadrive.scripting.run import Run
 from smadrive.wire.identified_wire import IdentifiedWire
 
@@ -127,8 +127,8 @@ class Servo:
         *,
         speed_mm_per_s: float | None = None,
         tolerance_mm: float | None = None,
-        settle_s: float = 1.0,
-        timeout_s: float = 30.0,
+        settle_s: float = SETTLE_S,
+        timeout_s: float = TIMEOUT_S,
     ) -> Motion:
         """Move the wire smoothly to a displacement, and hold it there.
 
@@ -169,6 +169,10 @@ class Servo:
         """
         self.__exit__(None, None, None)
 
+    def request_end(self) -> None:
+        """Request the end of the run at zero current, and return at once. `stop` waits for it."""
+        self._client.command(self._id, StopCommand())
+
     @cached_property
     def run(self) -> Run:
         """The recorded run, after the servo has ended. MotionError while the servo runs."""
@@ -196,7 +200,7 @@ class Servo:
         return number, motion
 
     def _end(self) -> None:
-        self._client.command(self._id, StopCommand())
+        self.request_end()
         if is_callback():
             return
         self._thread.join(STOPS_WITHIN_S)

@@ -14,6 +14,13 @@ import smadrive  # noqa: E402
 from smadrive.bluesky import SmaWire  # noqa: E402
 from smadrive.wire.identified_wire import load_wire  # noqa: E402
 
+SINE = smadrive.sine(low_mm=3, high_mm=7, period_s=20, cycles=1)
+
+
+def is_off(rig, wire):
+    """True if no servo runs and no current flows."""
+    return rig.measure().current_a < 0.01 and not wire._servo.is_running
+
 
 class Documents:
     """The documents of the runs, by their kind. Each was valid when it arrived."""

@@ -1,33 +1,26 @@
-"""A wire under a real run engine: protocols, scan, fly, pause, abort, trips, and documents read back."""
+"""A wire under a real run engine: protocols, scan, fly, trips and configuration."""
 
-import threading
 from math import isnan
-from threading import Timer
 
 import numpy as np
 import pytest
-from bluesky import plan_stubs as bps
 from bluesky import plans as bp
 from bluesky import preprocessors as bpp
 from bluesky import protocols
 from bluesky.simulators import check_limits
-from bluesky.utils import FailedStatus, RunEngineInterrupted
+from bluesky.utils import FailedStatus
 
 import smadrive
 from smadrive.bluesky import SmaWire
 from smadrive.errors import ConfigError, SafetyError, TripError
 from smadrive.rig.config import load_rig
 
+from .conftest import SINE, is_off
+
 PROTOCOLS = (
     *("Readable", "Movable", "NamedMovable", "Locatable", "Triggerable", "Stoppable", "Configurable", "Stageable"),
     *("Flyable", "EventCollectable", "Checkable", "HasHints", "HasName", "HasParent", "Pausable", "Preparable"),
 )
-SINE = smadrive.sine(low_mm=3, high_mm=7, period_s=20, cycles=1)
-
-
-def is_off(rig, wire):
-    """True if no servo runs, no current flows, and the last one of the log is zero."""
-    return rig.measure().current_a < 0.01 and not wire._servo.is_running
 
 
 @pytest.mark.parametrize("name", PROTOCOLS)
@@ -116,77 +109,6 @@ def test_flight_needs_a_stage_and_a_reference(rig, wire):
         wire.complete()
 
 
-def paused_scan(wire):
-    """A scan that pauses itself at its second point, with the heater on."""
-
-    @bpp.stage_decorator([wire])
-    @bpp.run_decorator()
-    def plan():
-        yield from bps.mv(wire, 4.0)
-        yield from bps.trigger_and_read([wire])
-        yield from bps.checkpoint()
-        yield from bps.mv(wire, 6.0)
-        yield from bps.pause() if not is_paused.pop() else bps.null()
-        yield from bps.trigger_and_read([wire])
-
-    is_paused = [True, False]
-    return plan()
-
-
-def test_pause_switches_off_and_resume_moves_again(engine, documents, rig, wire):
-    with pytest.raises(RunEngineInterrupted):
-        engine(paused_scan(wire))
-    assert engine.state == "paused"
-    assert is_off(rig, wire)
-    engine.resume()
-    rows = documents.events()
-    np.testing.assert_allclose([row["wire_displacement_mm"] for row in rows], [4.0, 6.0], atol=0.2)
-    assert documents.of("stop")[0]["exit_status"] == "success"
-    assert is_off(rig, wire)
-
-
-def test_abort_while_heating_ends_at_zero_current(engine, documents, rig, wire):
-    with pytest.raises(RunEngineInterrupted):
-        engine(paused_scan(wire))
-    engine.abort("test")
-    assert documents.of("stop")[0]["exit_status"] == "abort"
-    assert is_off(rig, wire)
-
-
-def test_abort_of_a_flight_ends_at_zero_current(engine, documents, rig, wire):
-    @bpp.stage_decorator([wire])
-    @bpp.run_decorator()
-    def plan():
-        yield from bps.prepare(wire, SINE, wait=True)
-        yield from bps.kickoff(wire, wait=True)
-        raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        engine(plan())
-    assert is_off(rig, wire)
-    assert documents.of("stop")[0]["exit_status"] == "fail"
-
-
-def test_interruption_during_a_move_ends_at_zero_current(engine, documents, rig, wire):
-    """The move never settles, so the interruption comes while the wire is heated."""
-    wire.configure(tolerance_mm=1e-6, timeout_s=1e6)
-    Timer(0.5, engine.request_pause).start()
-    with pytest.raises(RunEngineInterrupted):
-        engine(bp.scan([], wire, 4.0, 8.0, 2))
-    assert is_off(rig, wire)
-    engine.abort()
-    assert is_off(rig, wire)
-
-
-def test_error_in_a_callback_does_not_keep_the_heater_on(rig, wire, monkeypatch):
-    shown = []
-    monkeypatch.setattr(threading, "excepthook", shown.append)
-    wire.set(6.0).add_callback(lambda _motion: 1 / 0)
-    wire.stop(success=False)
-    assert is_off(rig, wire)
-    assert [one.exc_type for one in shown] == [ZeroDivisionError]
-
-
 def test_readback_after_a_move_is_a_new_measurement(rig, wire):
     wire.stage()
     cold_mm = wire.locate()["readback"]
@@ -217,3 +139,6 @@ def test_configuration_changes(wire):
     assert (before["wire_settle_s"]["value"], after["wire_settle_s"]["value"]) == (1.0, 2.0)
     with pytest.raises(ConfigError):
         wire.configure(settle=2.0)
+    with pytest.raises(ConfigError):
+        wire.configure(tolerance_mm=-1.0)
+    assert wire.read_configuration()["wire_tolerance_mm"]["value"] == 0.2
