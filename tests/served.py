@@ -1,6 +1,7 @@
 """firmware-sim as a process, for the tests that need a real port."""
 
 import contextlib
+import re
 import subprocess
 import sys
 
@@ -27,6 +28,14 @@ def served(*options, sim=SIM, cwd=None):
             yield process, process.stdout.readline().strip()
         finally:
             process.kill()
+
+
+def with_limits(text, watchdog_s, stale_after_s):
+    """Return `text` of the rig file `simulated` with other limits: a busy machine may not keep the shipped ones."""
+    limits = f"watchdog_s = {watchdog_s}\nstale_after_s = {stale_after_s}"
+    text, replaced = re.subn(r"watchdog_s = .*\nstale_after_s = .*", limits, text)
+    assert replaced == 1
+    return text
 
 
 def advance(process, time_s):

@@ -33,7 +33,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from peers.mosquitto import MosquittoBroker, Subscriber, wait_for
-from served import PATIENT, served
+from served import PATIENT, served, with_limits
 
 from smadrive.files.shipped import configs_dir
 from smadrive.rig.config import load_rig
@@ -64,7 +64,7 @@ class Result:
 def rig_file(folder: Path, url: str) -> Path:
     """Write the rig file of the served board."""
     text = (configs_dir() / "rigs" / "simulated.toml").read_text(encoding="utf-8")
-    text = text.replace("watchdog_s = 0.5", f"watchdog_s = {SLOW_S}\nstale_after_s = {SLOW_S}")
+    text = with_limits(text, SLOW_S, SLOW_S)
     (folder / "rig.toml").write_text(text.replace(load_rig("simulated").devices[0].url, url + PATIENT))
     return folder / "rig.toml"
 

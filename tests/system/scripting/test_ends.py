@@ -13,7 +13,7 @@ import programs
 import pytest
 from marks import exhaustive
 from process_tree import children
-from served import PATIENT, served
+from served import PATIENT, served, with_limits
 
 import smadrive
 from smadrive.errors import BusyError, LoopProcessError
@@ -25,8 +25,8 @@ from smadrive.scripting.loop.loop_client import LoopClient
 
 RIGS = Path(__file__).parents[3] / "configs" / "rigs"
 
-PATIENCE = "watchdog_s = 5.0\nstale_after_s = 5.0"
-"""Limits that a busy machine keeps."""
+PATIENCE_S = 5.0
+"""A limit that a busy machine keeps."""
 
 SCRIPT = """
 import os, sys, time
@@ -75,14 +75,14 @@ def rig_file(request, tmp_path):
 
 
 @contextlib.contextmanager
-def on_a_port(tmp_path, limits=PATIENCE):
+def on_a_port(tmp_path, watchdog_s=PATIENCE_S, stale_after_s=PATIENCE_S):
     """The rig file of a board that `firmware-sim` serves in real time, and the process of that."""
     with served() as (simulator, url):
         text = (RIGS / "simulated.toml").read_text()
         shipped = tomllib.loads(text)["devices"][0]["url"]
         path = tmp_path / "rig.toml"
-        text = text.replace(shipped, url.split("?")[0] + PATIENT).replace("watchdog_s = 0.5", limits)
-        path.write_text(text)
+        text = text.replace(shipped, url.split("?")[0] + PATIENT)
+        path.write_text(with_limits(text, watchdog_s, stale_after_s))
         with number_kept(url):
             yield path, simulator
 
@@ -168,7 +168,7 @@ def test_killed_script_ends_the_run_although_its_child_keeps_the_link_open(ident
 
 
 def test_killed_loop_is_an_error_and_the_watchdog_switches_off(identified, tmp_path):
-    with on_a_port(tmp_path, "watchdog_s = 0.5\nstale_after_s = 5.0") as (rig_file, simulator):
+    with on_a_port(tmp_path, watchdog_s=0.5) as (rig_file, simulator):
         with heating(rig_file, identified.wire_file, tmp_path) as (script, loop):
             while 0.2 not in read_log(tmp_path / "run.h5").column("commanded_a"):
                 time.sleep(0.05)
@@ -189,7 +189,7 @@ def test_killed_loop_is_an_error_and_the_watchdog_switches_off(identified, tmp_p
 @pytest.mark.exhaustive
 def test_lost_device_is_a_trip_that_says_that_off_is_unconfirmed(identified, tmp_path):
     with (
-        on_a_port(tmp_path, "watchdog_s = 0.5") as (rig_file, simulator),
+        on_a_port(tmp_path, watchdog_s=0.5, stale_after_s=0.5) as (rig_file, simulator),
         heating(rig_file, identified.wire_file, tmp_path) as (script, _),
     ):
         simulator.kill()
@@ -226,6 +226,7 @@ def kill_and_measure(rig):
     rig.measure()
 
 
+@pytest.mark.exhaustive
 def test_idle_loop_that_is_killed_is_an_error_once():
     rig = smadrive.open_rig("in-process")
     with rig, pytest.raises(LoopProcessError) as caught:
