@@ -54,6 +54,7 @@ def recorded(log_file, chosen, at_tick=lambda _bench, _tick: None):
     return read_log(log_file)
 
 
+@pytest.mark.exhaustive
 def test_run_by_resistance_is_recorded_and_replayed(tmp_path):
     log = recorded(tmp_path / "run.h5", DisplacementFrom.RESISTANCE)
     assert log.metadata["displacement_from"] == "resistance"

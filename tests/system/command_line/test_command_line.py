@@ -259,7 +259,7 @@ def test_run_warns_that_only_tune_adapts_the_rules(track, tmp_path):
     assert log.json("caveats") == ran["caveats"]
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "ascii:strict"])
+@pytest.mark.parametrize("encoding", [exhaustive("ascii"), "ascii:strict"])
 def test_output_in_another_encoding_has_substitutes(tmp_path, encoding):
     environment = {**os.environ, "PYTHONIOENCODING": encoding}
     probed = smadrive("probe", "in-process", cwd=tmp_path, env=environment, is_from_scratch=True)

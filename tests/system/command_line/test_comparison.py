@@ -91,6 +91,7 @@ def test_page_terminal_and_json_show_the_same_comparison(folder):
     assert "http" not in page.replace("http://www.w3.org", "")
 
 
+@pytest.mark.exhaustive
 def test_approach_does_not_count_as_a_difference_of_the_reference(folder):
     first, slow, ramp = (settings_of(read_log(folder / f"{name}.h5")) for name in ("first", "slow", "ramp"))
     assert first["checksum of the reference"] == slow["checksum of the reference"]

@@ -73,6 +73,7 @@ def smadrive(folder, *arguments):
     return programs.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.exhaustive
 def test_every_cycle_is_measured_and_the_run_replays(folder):
     log = read_log(folder / "whole.h5")
     cycles = cycles_of(log)

@@ -63,6 +63,7 @@ def test_replay_of_a_tracking_run_is_the_record(tracked):
         assert again.differences[name] == Difference(max=0.0, rms=0.0, first_s=inf)
 
 
+@pytest.mark.exhaustive
 def test_replay_of_an_excitation_is_the_record(tmp_path):
     path = tmp_path / "excitation.h5"
     with Rig(load_rig("in-process")) as rig:

@@ -124,6 +124,7 @@ def test_plot_of_the_demo_has_the_error_of_its_table(logs):
     assert "The approach (grey)" in plot.caption
 
 
+@pytest.mark.exhaustive
 def test_delay_of_ticks_is_shown_in_real_time_alone(logs, tmp_path):
     virtual = read_log(logs / "complete.h5")
     late_s = np.full_like(virtual.column("late_s"), 1e-5)
@@ -136,6 +137,7 @@ def test_delay_of_ticks_is_shown_in_real_time_alone(logs, tmp_path):
         assert part in (tmp_path / "page.html").read_text()
 
 
+@pytest.mark.exhaustive
 def test_unknown_error_is_a_warning_and_not_drawn(logs, tmp_path):
     complete = read_log(logs / "complete.h5")
     unmeasured = replace(

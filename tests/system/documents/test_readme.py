@@ -24,6 +24,7 @@ def test_there_are_exactly_two_set_up_commands():
     ]
 
 
+@pytest.mark.exhaustive
 def test_library_example_runs():
     (example,) = blocks("python")
     done = subprocess.run([sys.executable, "-W", "error", "-c", example], capture_output=True, text=True, check=False)

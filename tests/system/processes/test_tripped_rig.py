@@ -98,6 +98,7 @@ def test_a_board_that_comes_back_at_another_port_is_still_tripped(tmp_path):
             assert is_tripped(moved.url, moved.clock)
 
 
+@pytest.mark.exhaustive
 def test_another_board_that_gets_the_port_of_a_tripped_one_may_heat(tmp_path):
     with ServedSimulator(str(numbered_sim(tmp_path, 77)), tcp=True) as first:
         trip_at(first.url, first.clock)

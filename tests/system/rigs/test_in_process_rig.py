@@ -98,6 +98,7 @@ def assert_same_log(first, second):
         np.testing.assert_array_equal(column, other.columns[name], err_msg=name)
 
 
+@pytest.mark.exhaustive
 def test_the_same_tracking_twice_gives_the_same_log(excited, tmp_path):
     _, wire = excited
     model = wire.hysteresis.model
@@ -158,6 +159,7 @@ def test_displacement_that_stands_still_while_the_wire_moves_trips(excited, benc
     assert bench.device.bench.plant.temperature_c < 110.0
 
 
+@pytest.mark.exhaustive
 def test_a_displacement_that_spikes_now_and_then_does_not_trip(excited, bench):
     bench.device.bench.known_faults()["spike_displacement"](height_mm=50.0)
     with bench.rig as rig:

@@ -32,6 +32,7 @@ def test_never_runs(sma_rig):
 """
 
 
+@pytest.mark.exhaustive
 def test_the_example_of_the_guide_passes(pytester):
     pytester.makepyfile(EXAMPLE)
     pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=3)

@@ -4,6 +4,7 @@ import errno
 import os
 
 import pytest
+from marks import exhaustive
 from rich.console import Console
 
 from firmware_sim.bench import SimulatedBench
@@ -68,7 +69,7 @@ def scene(request):
     return Scene(request.param)
 
 
-@pytest.mark.parametrize("at_tick", [0, TICKS // 2, TICKS])
+@pytest.mark.parametrize("at_tick", [exhaustive(0), TICKS // 2, exhaustive(TICKS)])
 @pytest.mark.parametrize("failure", FAILURES, ids=lambda failure: type(failure).__name__)
 def test_a_record_that_fails_at_any_tick_ends_the_run_without_current(scene, failure, at_tick):
     left = [at_tick]

@@ -35,6 +35,14 @@ PATHS_C = {
     "cooling": (22.0, 82.0, 60.0, 45.0, 35.0, 60.0, 22.0),
 }
 FOREVER = {"for_s": 1e4}
+SIMILAR = {
+    *("board.truncate", "board.wrong_unit", "board.wrong_function", "board.short_count", "board.stale"),
+    *("board.split", "board.noise", "board.junk_before", "board.junk_after", "board.duplicate"),
+    *("supply.corrupt", "supply.wrong_unit", "reader.corrupt", "reader.refuse"),
+    *("short_thermocouple", "reverse_thermocouple", "spike_thermocouple", "limit_voltage", "spike_displacement"),
+    *("age_wire", "drift_ambient"),
+}
+"""Faults whose run is like that of another fault."""
 
 
 @dataclass(frozen=True)
@@ -198,6 +206,11 @@ class Scene:
         return max((time_s for time_s, current_a in self.current_a if current_a > 0.0), default=0.0) - self.broken_s
 
 
+def is_similar(kind, case):
+    """Return whether another case has a similar run. The supply shows the faults of `unsteady` as the board does."""
+    return case.name in SIMILAR or (kind == "supply" and case in unsteady())
+
+
 @pytest.mark.parametrize("phase", ["heating", *map(exhaustive, ("holding", "cooling"))])
 @pytest.mark.parametrize(
     ("config", "case"),
@@ -205,7 +218,7 @@ class Scene:
         pytest.param(
             *(config, case),
             id=f"{kind}-{case.name}-{'-'.join(map(str, case.parameters.values()))}",
-            marks=[pytest.mark.exhaustive] if kind == "supply" and case in unsteady() else [],
+            marks=[pytest.mark.exhaustive] if is_similar(kind, case) else [],
         )
         for kind, config, cases in (("board", board_rig, boards()), ("supply", supply_rig, supplies()))
         for case in cases

@@ -170,6 +170,7 @@ def test_mistake_is_one_sentence_with_its_parts(rig, wire, act, kind, where, val
     assert not rig.measure().armed
 
 
+@pytest.mark.exhaustive
 def test_caveats_of_the_model_are_notes_of_a_reference_that_it_cannot_follow(rig, wire):
     doubtful = replace(wire, caveats=("displacement_mm looks like metres",))
     with pytest.raises(ConfigError) as caught:

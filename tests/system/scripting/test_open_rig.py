@@ -107,6 +107,7 @@ def test_saved_wire_is_loaded_and_tracks(rig, wire):
     assert rig.track(Path("path.csv"), loaded).rms_percent < 2.0
 
 
+@pytest.mark.exhaustive
 def test_runs_wires_and_rigs_show_themselves(rig, wire):
     run = rig.track(SINE, wire)
     for shown in (run, wire, rig, smadrive.load_wire(_saved(wire)), smadrive.read_log("excitation.h5")):
@@ -166,6 +167,7 @@ def test_reloaded_module_of_the_user_runs_as_it_was_reloaded(rig, wire, tmp_path
         assert max(run["commanded_a"]) == current_a
 
 
+@pytest.mark.exhaustive
 def test_module_that_cannot_be_copied_travels_by_name(wire, tmp_path, monkeypatch):
     text = MODULE.replace("from helper import CURRENT_A", "import threading\nCURRENT_A = 0.1\nLOCK = threading.Lock()")
     (tmp_path / "locked.py").write_text(text.replace("return", "with LOCK: return"))

@@ -98,6 +98,7 @@ def test_impossible_moves_are_refused(servo, options, where):
     assert refused.value.where == where
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("low_mm", "high_mm"), [(3.0, None), (None, 6.0)])
 def test_displacement_beyond_a_limit_of_the_rig_is_refused_before_the_wire_moves(wire, tmp_path, low_mm, high_mm):
     config = load_rig("in-process")
@@ -219,6 +220,7 @@ def blind():
     return config.model_copy(update={"devices": (board,), "displacement_from": DisplacementFrom.RESISTANCE})
 
 
+@pytest.mark.exhaustive
 def test_servo_takes_the_displacement_from_the_resistance(blind, wire, tmp_path):
     with smadrive.open_rig(blind) as rig, rig.servo(wire, tmp_path / "servo.h5") as servo:
         for setpoint_mm in (8.0, 5.0):

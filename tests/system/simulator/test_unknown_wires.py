@@ -79,7 +79,7 @@ def test_identification_recovers_the_parameters_within_bounds(wire):
     assert hot_mm - cold_mm == pytest.approx(true.stroke_mm, rel=0.03)
 
 
-@pytest.mark.parametrize("sensor", [False, True], ids=["without sensor", "with sensor"])
+@pytest.mark.parametrize("sensor", [exhaustive(False), True], ids=["without sensor", "with sensor"])
 def test_wire_is_tracked_within_the_targets(wire, sensor):
     model, balance = wire.fit.hysteresis.model, wire.fit.thermal.balance
     cold_mm, hot_mm = travel_mm(model)

@@ -206,6 +206,7 @@ def test_resume_needs_a_campaign(short_campaign, tmp_path):
         pass
 
 
+@pytest.mark.exhaustive
 def test_noise_is_shared_by_the_runs_of_a_wire_and_changes_with_the_seed(short_campaign):
     plan = short_campaign(vary='[[vary]]\nname = "noise"\nseed = [1, 2]\n')
     first, second = (execute(plan.run(number)).row for number in (0, 1))

@@ -57,6 +57,7 @@ def test_fall_faster_than_cooling_is_rejected_with_reason_and_cure():
     assert error.value.limit == "90 °C"
 
 
+@pytest.mark.exhaustive
 def test_jump_is_not_cured_by_slowing_it_down():
     _, found = simulated("steps:low_mm=3,high_mm=8,dwell_s=50")
     with pytest.raises(ConfigError) as error:

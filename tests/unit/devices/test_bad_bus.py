@@ -26,6 +26,7 @@ FAULTS = st.lists(
 )
 
 
+@pytest.mark.exhaustive
 @given(FAULTS)
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_bad_bus_gives_no_wrong_value_and_ends_with_the_heater_off(plan):

@@ -225,6 +225,7 @@ def test_stale_exchange_is_rejected_by_its_sequence_number(heater, run, rig):
     assert rig.firmware.commanded_a == pytest.approx(0.3)
 
 
+@pytest.mark.exhaustive
 def test_trace_that_fails_at_any_frame_does_not_stop_the_safe_state():
     failing = 0
     while True:

@@ -1,6 +1,7 @@
 """On a line without replies, the safe state is still sent, but does not count as confirmed."""
 
 import pytest
+from marks import exhaustive
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
@@ -64,7 +65,7 @@ def heating(request):
 
 
 @pytest.mark.parametrize("lost", LOST_REQUESTS)
-@pytest.mark.parametrize("exchanges", [0, 2], ids=["at once", "after lost exchanges"])
+@pytest.mark.parametrize("exchanges", [exhaustive(0), 2], ids=["at once", "after lost exchanges"])
 def test_one_way_line_switches_off_without_confirmation(heating, lost, exchanges):
     source, device, line = heating
     line.broken = True

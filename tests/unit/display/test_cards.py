@@ -82,6 +82,7 @@ def test_every_object_has_a_small_well_formed_card(shown):
     assert "somewhere" not in html
 
 
+@pytest.mark.exhaustive
 def test_reprs_name_what_a_person_asks_first():
     temperature = np.concatenate([np.linspace(a, b, 200) for a, b in ((20, 130), (130, 20), (20, 95), (95, 20))])
     fit = identify_tsfuzzy(temperature, MODEL.simulate(temperature))

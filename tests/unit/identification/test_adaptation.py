@@ -100,6 +100,7 @@ def test_noise_of_a_cold_wire_at_rest_teaches_nothing(rules):
     assert np.abs(moved_mm).max() < 1e-3 * STROKE_MM
 
 
+@pytest.mark.exhaustive
 def test_stuck_sensor_ends_the_adaptation_and_changes_no_rule(rules):
     held = []
 

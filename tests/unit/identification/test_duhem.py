@@ -27,6 +27,7 @@ def test_parameters_are_found():
     assert fit.model.scale == pytest.approx(-4.2, rel=1e-3)
 
 
+@pytest.mark.exhaustive
 def test_standard_errors_are_the_spread_of_repeated_records():
     fits = [identify_duhem(PATH, noisy(seed), components=1) for seed in range(12)]
 
@@ -47,6 +48,7 @@ def test_standard_errors_are_the_spread_of_repeated_records():
     assert fits[0].standard_errors.heating.weights == (0.0,)
 
 
+@pytest.mark.exhaustive
 def test_superfluous_components_have_large_standard_errors():
     """Two Gaussians are fitted to a record of one. Their weights have large standard errors."""
     errors = identify_duhem(PATH, noisy(0), components=2).standard_errors

@@ -69,6 +69,7 @@ def test_old_log_is_replayed_bit_for_bit(old):
     assert replay(read_log(old)).exact
 
 
+@pytest.mark.exhaustive
 def test_old_log_is_reported(old, tracked, tmp_path):
     log = read_log(old)
     assert write_log_report(tmp_path / "old.html", log) == write_log_report(tmp_path / "new.html", read_log(tracked))

@@ -74,6 +74,7 @@ def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c, sees=F
     return None
 
 
+@pytest.mark.exhaustive
 @settings(max_examples=40, deadline=None)
 @given(
     capacity=FACTOR,

@@ -9,6 +9,7 @@ import time
 from contextlib import contextmanager
 
 import pytest
+from marks import exhaustive
 from process_tree import children
 
 from smadrive.errors import ConfigError
@@ -47,6 +48,7 @@ def no_descriptors():
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
+@pytest.mark.exhaustive
 def test_process_starts_again_after_its_restart_has_failed():
     with BuilderProcess() as builder:
         with no_descriptors():
@@ -95,7 +97,7 @@ def test_end_during_a_new_start_leaves_no_process(tmp_path, monkeypatch):
         os.kill(process.pid, 0)
 
 
-@pytest.mark.parametrize("module", MODULES)
+@pytest.mark.parametrize("module", [*map(exhaustive, MODULES[:-1]), MODULES[-1]])
 def test_process_ends_quietly_when_its_input_ends_before_it_serves(module):
     ended = subprocess.run([sys.executable, "-m", module], stdin=subprocess.DEVNULL, capture_output=True, check=False)
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, b"", b"")

@@ -40,7 +40,8 @@ def test_random_faults_cause_typed_errors_only_and_no_wrong_value(config, seed, 
     assert counters.probes > 0
 
 
-@pytest.mark.parametrize("numbered", [False, exhaustive(True)], ids=["rtu", "tcp"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("numbered", [False, True], ids=["rtu", "tcp"])
 def test_proved_reads_are_correct_despite_undetectable_faults(config, numbered):
     """Unsolicited copies behind the next request, and replies that repeat the previous one."""
     figures, _ = fuzzed(config, 3, numbered, 5000, plain_is_sure=False, copies=True, lag=True)
@@ -49,6 +50,7 @@ def test_proved_reads_are_correct_despite_undetectable_faults(config, numbered):
     assert numbered or figures.indistinguishable + figures.caught > 0
 
 
+@pytest.mark.exhaustive
 def test_oracle_finds_wrong_values_of_a_client_without_memory(config, monkeypatch):
     """The same faults act on a client that forgets outstanding replies. This client accepts wrong values."""
     monkeypatch.setattr(Outstanding, "add", lambda *_: None)

@@ -13,6 +13,7 @@ from smadrive.identification.tsfuzzy.fit import fit_rules
 from .conftest import COLD, DUHEM, MixedWire, errors_on_unseen_loops, nested_loops, path, reversal_curves
 
 
+@pytest.mark.exhaustive
 def test_a_duhem_wire_has_no_memory(rng):
     v = nested_loops(rng)
     fit = identify_memory(v, DUHEM.simulate(v))

@@ -64,6 +64,7 @@ def test_split_gives_the_errors_of_both_halves():
         assert half.ratio == pytest.approx(1, abs=0.3)
 
 
+@pytest.mark.exhaustive
 def test_lines_between_neighbours_measure_the_error_of_sparse_samples():
     v = np.concatenate([np.linspace(25, 135, 120), np.linspace(134.5, 25, 121)])
     rising = np.arange(len(v)) < 120

@@ -54,6 +54,7 @@ def noisy_fit(noisy_record):
     return identify_tsfuzzy(noisy_v, y + noise)
 
 
+@pytest.mark.exhaustive
 def test_noise_on_both_columns(noisy_record, noisy_fit):
     v, y, _, _ = noisy_record
     error = noisy_fit.model.simulate(v, noisy_fit.y0) - y

@@ -48,6 +48,7 @@ def flat_where_it_turns(path):
     return np.array(y)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("wire", [WIRE.simulate, flat_where_it_turns], ids=["duhem", "preisach"])
 def test_wire_returns_to_its_start_below_the_coldest_turning_point(wire):
     """The experiment begins 18 K below its lowest turning point, so it has no samples on cooling below this point."""

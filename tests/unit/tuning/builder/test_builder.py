@@ -60,6 +60,7 @@ def test_result_equals_that_of_a_build_in_this_process(builder):
     assert there.controller.update(0.0, sample, 0.05) == here.controller.update(0.0, sample, 0.05)
 
 
+@pytest.mark.exhaustive
 def test_modules_of_the_present_folder_are_not_imported(tmp_path, monkeypatch):
     (tmp_path / "select.py").write_text("raise RuntimeError")
     monkeypatch.chdir(tmp_path)
@@ -96,6 +97,7 @@ def test_request_fails_when_its_process_dies_and_the_next_one_is_done(builder):
     assert result_of(builder, build_request(moved(92.0))).tuning.shape.mu_heating == 92.0
 
 
+@pytest.mark.exhaustive
 def test_request_sent_during_a_restart_is_done_by_the_new_process(builder):
     deaths, restarts = builder.deaths, builder.restarts
     os.kill(builder.pid, signal.SIGKILL)

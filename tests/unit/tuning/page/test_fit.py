@@ -35,7 +35,8 @@ def tracking(request):
     return rig
 
 
-@pytest.mark.parametrize("after_s", [45.0, exhaustive(148.0)])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("after_s", [45.0, 148.0])
 def test_fit_to_part_of_the_travel_keeps_its_ends_and_can_drive(tracking, true_model, after_s):
     """After 45 s, the last 120 s contain the warm-up. After 148 s they do not, and do not determine a cold wire."""
     wires = []
@@ -91,6 +92,7 @@ def test_fit_to_a_drifting_sensor_keeps_its_warning_in_every_later_model(trackin
     assert 'class="chip warn"><i>model' in chips_html(status, "", late=False, controls=True)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("act", "at_s", "seconds", "reason"),
     [

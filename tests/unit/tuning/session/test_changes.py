@@ -24,36 +24,39 @@ def test_change_is_put_in_force_without_a_jump(rig):
     assert np.abs(np.diff(power)).max() < 0.1
 
 
-@pytest.mark.parametrize(
-    ("act", "values", "reason"),
-    [
-        ("shape", {"key": "mu_heating", "value": 60.0}, "must exceed mu_cooling"),
-        ("shape", {"key": "mu_heating", "value": 134.9}, "above temperature_max_c"),
-        ("shape", {"key": "mu_heating", "value": 140.0}, "temperature_max_c"),
-        ("shape", {"key": "scale", "value": 5.0}, "reference: highest value: "),
-        ("feedback", {"key": "closed_loop_s", "value": 0.0}, "greater than 0"),
-        ("feedback", {"key": "closed_loop_s", "value": 0.04}, "shorter than a period of the loop"),
-        ("feedback", {"key": "integral_s", "value": 1e-6}, "shorter than a period of the loop"),
-        ("rule", {"index": 0, "direction": 1, "a": -1.0, "b": 0.5}, "no rules"),
-        ("track", {"reference": "sine:low_mm=0,high_mm=20,period_s=10"}, "reference: highest value: "),
-        ("track", {"reference": "sine:low_mm=2,high_mm=9,period_s=1e-300"}, "(2e-300 s, limit 0.1 s)"),
-        ("track", {"reference": "sine:low_mm=2,high_mm=9,period_s=43200"}, "(86400 s, limit "),
-        ("track", {"reference": "steps:low_mm=2,high_mm=9,dwell_s=0.001,cycles=1e5"}, "limit 2000"),
-        ("track", {"reference": "square"}, "neither a shape nor a CSV file"),
-        ("undo", {}, "no change to undo"),
-        ("recall", {"slot": "A"}, "slot A is empty"),
-        ("compare", {"on": True}, "slot A is empty"),
-        ("model", {"text": "{}", "source": "elsewhere"}, "elsewhere"),
-    ],
-)
-def test_invalid_request_is_refused_with_its_reason_and_changes_nothing(rig, act, values, reason):
+INVALID = [
+    ("shape", {"key": "mu_heating", "value": 60.0}, "must exceed mu_cooling"),
+    ("shape", {"key": "mu_heating", "value": 134.9}, "above temperature_max_c"),
+    ("shape", {"key": "mu_heating", "value": 140.0}, "temperature_max_c"),
+    ("shape", {"key": "scale", "value": 5.0}, "reference: highest value: "),
+    ("feedback", {"key": "closed_loop_s", "value": 0.0}, "greater than 0"),
+    ("feedback", {"key": "closed_loop_s", "value": 0.04}, "shorter than a period of the loop"),
+    ("feedback", {"key": "integral_s", "value": 1e-6}, "shorter than a period of the loop"),
+    ("rule", {"index": 0, "direction": 1, "a": -1.0, "b": 0.5}, "no rules"),
+    ("track", {"reference": "sine:low_mm=0,high_mm=20,period_s=10"}, "reference: highest value: "),
+    ("track", {"reference": "sine:low_mm=2,high_mm=9,period_s=1e-300"}, "(2e-300 s, limit 0.1 s)"),
+    ("track", {"reference": "sine:low_mm=2,high_mm=9,period_s=43200"}, "(86400 s, limit "),
+    ("track", {"reference": "steps:low_mm=2,high_mm=9,dwell_s=0.001,cycles=1e5"}, "limit 2000"),
+    ("track", {"reference": "square"}, "neither a shape nor a CSV file"),
+    ("undo", {}, "no change to undo"),
+    ("recall", {"slot": "A"}, "slot A is empty"),
+    ("compare", {"on": True}, "slot A is empty"),
+    ("model", {"text": "{}", "source": "elsewhere"}, "elsewhere"),
+]
+"""Requests of the page, and a part of the reason why each is refused."""
+
+
+def test_invalid_request_is_refused_with_its_reason_and_changes_nothing(rig):
     rig.at(1.0, "arm")
     rig.at(2.0, "track", reference="sine")
-    asked = rig.at(15.0, act, **values)
-    rig.run(until_s=17.0)
-    assert reason in rig.answers[asked]
-    assert rig.status["tuning"]["change"] == "as identified"
-    assert rig.status["mode"] == "tracking"
+    asked, states = {}, []
+    for number, (act, values, _) in enumerate(INVALID):
+        asked[rig.at(15.0 + number, act, **values)] = INVALID[number]
+        rig.do(15.9 + number, lambda: states.append((rig.status["tuning"]["change"], rig.status["mode"])))
+    rig.run(until_s=16.0 + len(INVALID))
+    wrong = {number: case for number, case in asked.items() if case[2] not in (rig.answers[number] or "")}
+    assert not wrong, {number: rig.answers[number] for number in wrong}
+    assert states == [("as identified", "tracking")] * len(INVALID)
 
 
 def test_catalogue_refuses_a_reference_that_is_too_long_for_the_page():

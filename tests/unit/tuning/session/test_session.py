@@ -30,6 +30,7 @@ def test_armed_session_follows_a_reference_repeatedly(rig):
     assert np.ptp([tick.command.setpoint_mm for tick in rig.between(100.0, 139.0)]) == pytest.approx(7.0, abs=0.1)
 
 
+@pytest.mark.exhaustive
 def test_turning_points_of_a_wire_with_memory_are_published(rig):
     """The cold end; then the wire rises, turns at the top of the sine, and falls."""
     wire, thresholds = rig.model, np.linspace(40.0, 110.0, 30)
@@ -66,7 +67,7 @@ def test_draft_and_load_that_the_observer_finds_are_published(rig):
     assert rig.status["shift_c"] == pytest.approx(45.0 / 7.5, abs=2.0)
 
 
-@pytest.mark.parametrize("seed", [0, 1, *map(exhaustive, (2, 3))])
+@pytest.mark.parametrize("seed", [0, *map(exhaustive, (1, 2, 3))])
 def test_cold_wire_is_armed_without_heat_and_approaches_smoothly(rig, seed):
     rig.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed)
     rig.clock.follow(rig.device.bench.advance_to)
@@ -79,7 +80,7 @@ def test_cold_wire_is_armed_without_heat_and_approaches_smoothly(rig, seed):
 
 
 @pytest.mark.parametrize("noise_seed", [0, *map(exhaustive, (1, 2))])
-@pytest.mark.parametrize("zero_mm", [-0.6, -0.05, 0.05, 0.6])
+@pytest.mark.parametrize("zero_mm", [-0.6, *map(exhaustive, (-0.05, 0.05)), 0.6])
 def test_cold_wire_is_held_without_heat_although_its_sensor_has_lost_its_zero(rig_without_zero, zero_mm, noise_seed):
     rig = rig_without_zero(zero_mm, noise_seed)
     rig.at(1.0, "arm")

@@ -173,6 +173,7 @@ def test_session_that_is_killed_leaves_a_readable_log(logged):
     write_log_report(killed.with_suffix(".html"), log)
 
 
+@pytest.mark.exhaustive
 def test_report_shows_states_and_changes_and_no_tracking_metric(logged, tmp_path):
     rig = logged.rig
     rig.at(1.0, "arm")
