@@ -185,7 +185,7 @@ def _ticks(
     reading_c, in_force_a, sent_a = state.temperature_c, 0.0, 0.0
     simulated_s = float(reference.times_s[-1]) + (min(reference.repeats, CYCLES) - 1) * reference.cycle_s
     for number in range(int(simulated_s / dt_s) + 1):
-        ohm = wire.resistance_ohm(state.hysteresis)
+        ohm = wire.resistance_ohm(state.hysteresis, state.temperature_c)
         sample = Measurement(number * dt_s, reading_c, in_force_a, in_force_a * ohm, state.hysteresis.y)
         command = controller.update(sample.time_s, sample, dt_s)
         yield SimulatedTick(
@@ -199,7 +199,9 @@ def _ticks(
         in_force_a, sent_a = sent_a, command.commanded_a
         for _ in range(SUBSTEPS):
             before_c = state.temperature_c
-            state = wire.step(state, in_force_a**2 * wire.resistance_ohm(state.hysteresis), dt_s / SUBSTEPS)
+            state = wire.step(
+                state, in_force_a**2 * wire.resistance_ohm(state.hysteresis, state.temperature_c), dt_s / SUBSTEPS
+            )
             reading_c = wire.balance.step_thermocouple(reading_c, before_c, state.temperature_c, dt_s / SUBSTEPS)
 
 

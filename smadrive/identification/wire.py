@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple, Self
 
 from numpy.typing import ArrayLike
 
-from smadrive.errors import ConfigError, IdentificationError
+from smadrive.errors import ConfigError, IdentificationError, ModelError
 from smadrive.files.spelling import suggestion_or_list
 from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import identify_duhem
@@ -27,7 +27,7 @@ from smadrive.identification.thermal import ThermalFit, identify_thermal
 from smadrive.identification.tsfuzzy.fit import FUZZY_SETS
 from smadrive.numerics.scalars import whole_number
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.identified_wire import IdentifiedWire, check_resistance
 from smadrive.wire.recorded_loops import recorded_sections
 from smadrive.wire.wire_model import WireModel
 
@@ -142,6 +142,8 @@ def identify_wire(
     fit = identify_hysteresis(thermal.wire_temperature_c, record.displacement_mm, settings)
     try:
         wire = WireModel(fit.model, thermal.balance)
-        return WireFit(thermal, fit, identify_resistance(record, thermal.wire_temperature_c, wire))
-    except IdentificationError as error:
-        return WireFit(thermal, fit, None, f"{error.what} ({error.value}): {error.cure}")
+        found = identify_resistance(record, thermal.wire_temperature_c, wire)
+        check_resistance(found.resistance, thermal.balance)
+    except (IdentificationError, ModelError) as error:
+        return WireFit(thermal, fit, None, f"{error.what} ({error.value}){error.cure and f': {error.cure}'}")
+    return WireFit(thermal, fit, found)

@@ -153,6 +153,14 @@ def check_step(step: ManualStep, config: RigConfig, wire: WireDataSheet) -> tupl
     return _check_temperature_step(step.temperature_c, config, wire.heat_balance())
 
 
+def derating_caveats(hottest_c: float, temperature_max_c: float) -> tuple[str, ...]:
+    """Return a caveat if the driver lowers the current of a wire at the temperature `hottest_c` of a reference, °C."""
+    if hottest_c <= temperature_max_c - DERATE_C:
+        return ()
+    near = f"the reference needs {hottest_c:.0f} °C, less than {DERATE_C:g} K below temperature_max_c"
+    return (f"{near}, where the driver lowers the current: its hot end may be out of reach",)
+
+
 def _check_current_step(
     current_a: float, duration_s: float, config: RigConfig, balance: HeatBalance
 ) -> tuple[str, ...]:

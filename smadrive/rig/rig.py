@@ -160,7 +160,8 @@ class Rig:
         """
         source = displacement_from or self.config.displacement_from
         controller = tracking_controller(self.config, reference, wire, inverse, source)
-        return self.drive(controller, wire.balance, record, wire_checks(wire, source, expected))
+        checks = wire_checks(wire, source, expected, controller.trusts_sensor)
+        return self.drive(controller, wire.balance, record, checks)
 
     def drive(
         self,

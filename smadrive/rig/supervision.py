@@ -18,7 +18,7 @@ from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import UNCERTAINTIES, Heated, TemperatureBand
-from smadrive.safety.temperature_by_resistance import TemperatureByResistance
+from smadrive.safety.temperature_by_resistance import TemperatureByResistance, always
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
@@ -36,11 +36,6 @@ CURRENT_TOLERANCE_A = 0.05
 """Largest difference between measured and commanded current in amperes, but at most a tenth of current_max_a."""
 
 
-def always() -> bool:
-    """Return True: the resistance is trusted in the whole run."""
-    return True
-
-
 class WireChecks(NamedTuple):
     """The checks of a run against what is known about its wire.
 
@@ -48,17 +43,24 @@ class WireChecks(NamedTuple):
                      resistance checks the thermocouple while no sensor shows the displacement
     expected         if given, a jump of the resistance at rest away from it is a fault
     uses_resistance  the resistance checks nothing while this function returns False
+    trusts_sensor    the displacement counts as not measured while this function returns False
     """
 
     wire: WireModel
     expected: ExpectedRest | None = None
     uses_resistance: Callable[[], bool] = always
+    trusts_sensor: Callable[[], bool] = always
 
 
-def wire_checks(wire: WireModel, source: DisplacementFrom, expected: ExpectedRest | None = None) -> WireChecks:
+def wire_checks(
+    wire: WireModel,
+    source: DisplacementFrom,
+    expected: ExpectedRest | None = None,
+    trusts_sensor: Callable[[], bool] = always,
+) -> WireChecks:
     """Return the checks of a run whose displacement comes from `source`. With NONE, the resistance checks nothing."""
     checked = WireModel(wire.model, wire.balance) if source is DisplacementFrom.NONE else wire
-    return WireChecks(checked, expected)
+    return WireChecks(checked, expected, trusts_sensor=trusts_sensor)
 
 
 def supervisor(
@@ -87,7 +89,7 @@ def supervisor(
     if wire.resistance is not None:
         limits_of_run = hottest_c, current_max_a, checks.uses_resistance
         by_resistance = TemperatureByResistance(wire, wire.resistance, displacement, *limits_of_run)
-    return Supervisor(limits, band, displacement, at_rest, by_resistance)
+    return Supervisor(limits, band, displacement, at_rest, by_resistance, checks.trusts_sensor)
 
 
 def stale_after_s(config: RigConfig) -> float:

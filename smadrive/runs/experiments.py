@@ -36,6 +36,7 @@ from smadrive.runs.run_log import (
     reference_text,
 )
 from smadrive.runs.tracking_plan import PlannedTracking
+from smadrive.safety.temperature_by_resistance import always
 from smadrive.wire.cold_wire import cold_wire_caveats
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
@@ -163,13 +164,15 @@ def drive(
     identified: IdentifiedWire,
     watch: Watch,
     stop_requested: StopRequested = never,
+    trusts_sensor: Callable[[], bool] = always,
 ) -> LoopMetrics:
     """Run the user's controller on the identified wire and record it in `log_file`. TripError after a trip.
 
-    The run also ends when `stop_requested` returns True.
+    The run also ends when `stop_requested` returns True. While `trusts_sensor` returns False, the supervisor does not
+    use the displacement.
     """
     wire, wire_file = identified.wire_model(rig.nominal_balance), wire_file_of(identified)
-    checks = wire_checks(wire, rig.config.displacement_from, expected_of(identified))
+    checks = wire_checks(wire, rig.config.displacement_from, expected_of(identified), trusts_sensor)
     notes = {} if wire_file is None else {WIRE_FILE: str(wire_file)}
     with (
         record_controller(log_file, rig, wire, name, controller.duration_s, **notes) as recorder,

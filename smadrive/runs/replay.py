@@ -32,6 +32,9 @@ COMMAND_FIELDS = fields_of("command")
 
 MEASUREMENT_FIELDS = fields_of("measurement")
 
+LIMITED = ("limited",)
+"""The limits of a recorded sample whose output was held back: a log does not name them."""
+
 RECORD = "record the run again"
 
 NOT_REPLAYED = {
@@ -146,10 +149,10 @@ def _tracking_controller(log: Log, wire: IdentifiedWire | None) -> Controller:
 def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:
     """Yield the arguments of each update of the controller: time, measurement, time since the previous update."""
     last_s = -1.0 / rig_config_of(log).rate_hz
-    names = ("time_s", *MEASUREMENT_FIELDS)
-    for time_s, *values in zip(*(log.column_with_gaps(name).tolist() for name in names), strict=True):
+    names = ("time_s", "limited", *MEASUREMENT_FIELDS)
+    for time_s, limited, *values in zip(*(log.column_with_gaps(name).tolist() for name in names), strict=True):
         fields = dict(zip(MEASUREMENT_FIELDS.values(), values, strict=True))
-        yield time_s, Measurement(time_s, **fields), time_s - last_s
+        yield time_s, Measurement(time_s, host_limits=LIMITED if limited else (), **fields), time_s - last_s
         last_s = time_s
 
 

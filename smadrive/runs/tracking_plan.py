@@ -19,6 +19,7 @@ from smadrive.errors import ConfigError
 from smadrive.hysteresis import TSFuzzyPreisach
 from smadrive.hysteresis.turning_points import MOST_TURNS
 from smadrive.measurement import DisplacementFrom
+from smadrive.rig.config_checks import derating_caveats
 from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.cycles import Cycling
@@ -141,7 +142,8 @@ def plan_tracking(
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
     sensing = rig.check_sensing(wire, chosen, start.temperature_c)
     of_the_model = *_caveats_of(identified), *_memory_caveats(identified, simulated)
-    caveats = *simulated.caveats, *of_the_model, *not_adapted, *sensing
+    held_back = derating_caveats(simulated.hottest_c, limit_c)
+    caveats = *simulated.caveats, *held_back, *of_the_model, *not_adapted, *sensing
     from_record = wire_file_of(identified), expected_of(identified)
     return PlannedTracking(given, nearest, wire, caveats, cycling, chosen, *from_record)
 

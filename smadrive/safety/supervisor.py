@@ -8,7 +8,8 @@ only now and then is still checked. Late, wrong and missing data are faults, too
 from __future__ import annotations
 
 from collections import deque
-from math import inf, isfinite
+from collections.abc import Callable
+from math import inf, isfinite, nan
 
 from smadrive.measurement import Measurement
 from smadrive.safety.arming_checks import check_cooled, check_may_arm
@@ -18,7 +19,7 @@ from smadrive.safety.faults import Contradiction, Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits, excuses_less_than
 from smadrive.safety.temperature_band import FROZEN_C, UNBOUNDED, UNFOLLOWED_C, AtLeast, Heated, TemperatureBand
-from smadrive.safety.temperature_by_resistance import TemperatureByResistance
+from smadrive.safety.temperature_by_resistance import TemperatureByResistance, always
 
 LATE_TICKS = 20
 """This number of missed deadlines in a row is a fault."""
@@ -29,7 +30,8 @@ class Supervisor:
 
     `temperature_band` compares the reading with the heat input, `displacement_band` the displacement with the model of
     the wire, and `resistance_band` the resistance with the last runs of the wire. A band that is None is not checked.
-    While no sensor shows the displacement, `by_resistance` replaces it in the checks of the thermocouple.
+    While no sensor shows the displacement, `by_resistance` replaces it in the checks of the thermocouple. While
+    `trusts_sensor` returns False, the displacement counts as not measured.
     """
 
     def __init__(
@@ -39,17 +41,17 @@ class Supervisor:
         displacement_band: DisplacementBand | None = None,
         resistance_band: ResistanceBand | None = None,
         by_resistance: TemperatureByResistance | None = None,
+        trusts_sensor: Callable[[], bool] = always,
     ) -> None:
         self._limits = limits
         self._temperature_band = temperature_band
         self._displacement_band = displacement_band
         self._resistance_band = resistance_band
         self._by_resistance = by_resistance
+        self._trusts_sensor = trusts_sensor
         self.trip: Trip | None = None
-        self._hot = Debounce(2, 3)
-        self._cold = Debounce(3, 5)
-        self._invalid = Debounce(3, 5)
-        self._powerless = Debounce(3, 5)
+        self._hot, self._overheated = Debounce(2, 3), Debounce(2, 3)
+        self._cold, self._invalid, self._powerless = Debounce(3, 5), Debounce(3, 5), Debounce(3, 5)
         self._power_w = 0.0
         self._disarmed = Debounce(2, 2)
         self._mismatch = Debounce(4, 5)
@@ -66,6 +68,8 @@ class Supervisor:
 
     def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
         """Check one measurement, and return the latched trip or None. `setpoint_mm` is NaN without a reference."""
+        if not self._trusts_sensor():
+            measurement = measurement._replace(displacement_mm=nan)
         self.check_fresh(measurement.time_s)
         self._fresh_s = measurement.time_s
         if self._by_resistance is not None:
@@ -161,14 +165,16 @@ class Supervisor:
         reading_c = measurement.temperature_c
         at_least = self._at_least(measurement) if contradiction is None else UNBOUNDED
         band = self._temperature_band.update(reading_c, self._power_w, measurement.time_s, at_least)
-        is_cool = contradiction is None and self._is_cool(measurement, band.hottest_c)
-        if band.coldest_c > self._limits.temperature_max_c and not is_cool:
+        is_hot = band.coldest_c > self._limits.temperature_max_c
+        is_too_cold = reading_c < band.low_c or band.unfollowed_c > UNFOLLOWED_C
+        if (is_hot or is_too_cold) and contradiction is None and self._is_cool(measurement, band.hottest_c):
+            is_hot = is_too_cold = False
+        if self._overheated.update(is_hot):
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
         if self._frozen.update(band.unseen_c > FROZEN_C):
             detail = f"{reading_c:.2f} °C, while the wire's temperature changed by at least {band.unseen_c:.0f} K"
             self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
-        is_too_cold = (reading_c < band.low_c or band.unfollowed_c > UNFOLLOWED_C) and not is_cool
         if self._implausible.update(is_too_cold or not reading_c <= band.high_c):
             fault = Fault.READS_TOO_COLD if is_too_cold else Fault.READS_TOO_HOT
             detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"
@@ -230,16 +236,13 @@ class Supervisor:
 
     def _contradiction(self, measurement: Measurement) -> Contradiction | None:
         """Return the contradiction between the reading and the displacement, or else the resistance; None if none."""
-        if self._displacement_band is None:
+        if (band := self._displacement_band) is None:
             return None
         temperature_c, displacement_mm = measurement.temperature_c, measurement.displacement_mm
         if self._by_resistance is not None and not isfinite(displacement_mm):
             fault, outside = Fault.RESISTANCE_IMPLAUSIBLE, self._by_resistance.outside(temperature_c)
         else:
-            fault, outside = (
-                Fault.DISPLACEMENT_IMPLAUSIBLE,
-                self._displacement_band.outside(temperature_c, displacement_mm),
-            )
+            fault, outside = Fault.DISPLACEMENT_IMPLAUSIBLE, band.outside(temperature_c, displacement_mm)
         return None if outside is None else Contradiction(fault, outside)
 
     def _raise(self, fault: Fault, time_s: float, detail: str, limit: str | None = None) -> None:

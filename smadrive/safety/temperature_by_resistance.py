@@ -12,9 +12,9 @@ heating branch at T - δ to 1. A wire with a larger resistance is colder than T_
 At a reading T of the thermocouple, the resistance lies between the least and the largest R(T ± δ, ξ), with ξ in the
 displacement band (displacement_band.py). Otherwise the reading does not belong to the wire.
 
-The measured resistance may be wrong by `MARGIN` and 3 σ. While the current is too small to measure the resistance, it
-cannot heat the wire. A wire that was colder than T_max then stays colder, and no reading is compared with the
-resistance of an earlier time.
+The measured resistance may be wrong by `MARGIN` and 3 σ. A current below the least current of a measurement is at most
+`HELD_SHARE` of the current that holds a wire at T_max, so it cannot heat the wire to T_max. A wire that was colder than
+T_max then stays colder, and no reading is compared with the resistance of an earlier time.
 """
 
 from __future__ import annotations
@@ -39,8 +39,16 @@ MEAN_S = 0.2
 MARGIN = 0.01
 """Largest error of the resistance apart from its noise, for example by the leads, as a share."""
 
+HELD_SHARE = 0.5
+"""A resistance is measured from this share of the current that holds the cold wire at `temperature_max_c`, or less."""
+
 BEYOND_C, POINTS = 300.0, 200
 """Resistances are looked up at this number of temperatures, up to T_max + `BEYOND_C`."""
+
+
+def always() -> bool:
+    """Return True: a sensor, or the resistance, is trusted in the whole run."""
+    return True
 
 
 class TemperatureByResistance:
@@ -59,7 +67,8 @@ class TemperatureByResistance:
         is_used: Callable[[], bool],
     ) -> None:
         self._wire, self._resistance, self._band, self._is_used = wire, resistance, displacement_band, is_used
-        self._least_a = current_min_a(current_max_a)
+        held_a = wire.balance.current_a(wire.balance.power_w(temperature_max_c, 0.0, 0.0), 0.0)
+        self._least_a = min(current_min_a(current_max_a), HELD_SHARE * held_a)
         hot_c = np.linspace(temperature_max_c, temperature_max_c + BEYOND_C, POINTS).tolist()
         most_ohm = [max(self._ohms(one_c, self._transformed_mm(one_c))) for one_c in hot_c]
         self._hot_ohm = PiecewiseLinear(hot_c, np.maximum.accumulate(most_ohm))

@@ -199,14 +199,19 @@ def _resistance(provenance: Fields, place: str, balance: HeatBalance | None) -> 
     values |= {name: parameters.numbers(name) for name in SPLINE}
     try:
         resistance = WireResistance(**values)
-        resistance.check_change()
-        if balance is not None:
-            _check_same("cold", resistance.ohm(balance.ambient_c, 0.0), balance.resistance_ohm(0.0))
-            _check_same("hot", resistance.ohm(resistance.nodes_c[-1], 1.0), balance.resistance_ohm(1.0))
+        check_resistance(resistance, balance)
     except ModelError as error:
         error.where = f"{place}: {error.where}"
         raise
     return resistance
+
+
+def check_resistance(resistance: WireResistance, balance: HeatBalance | None) -> None:
+    """Raise ModelError if this cannot be the resistance of a wire, or of a wire with this heat balance."""
+    resistance.check_change()
+    if balance is not None:
+        _check_same("cold", resistance.ohm(balance.ambient_c, 0.0), balance.resistance_ohm(0.0))
+        _check_same("hot", resistance.ohm(resistance.nodes_c[-1], 1.0), balance.resistance_ohm(1.0))
 
 
 def _check_same(state: str, ohm: float, balance_ohm: float) -> None:

@@ -127,10 +127,10 @@ class WireModel:
         """Return the slope of the phase on heating (direction +1) or cooling (-1), in 1/K; it is never negative."""
         return max(self.model.slope(hysteresis, direction) / self.travel_mm, 0.0)
 
-    def resistance_ohm(self, hysteresis: HysteresisState) -> float:
-        """Return the resistance of the wire in Ω at a state of its hysteresis model."""
+    def resistance_ohm(self, hysteresis: HysteresisState, temperature_c: float) -> float:
+        """Return the resistance of the wire in Ω at a temperature and at a state of its hysteresis model."""
         if self.resistance is not None:
-            return self.resistance.ohm(hysteresis.v, self.phase(hysteresis))
+            return self.resistance.ohm(temperature_c, self.phase(hysteresis))
         return self.balance.resistance_ohm(self.phase(hysteresis))
 
     def phase(self, hysteresis: HysteresisState) -> float:

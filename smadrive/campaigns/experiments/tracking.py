@@ -13,6 +13,7 @@ from smadrive.campaigns.experiments.identification import WireKnowledge
 from smadrive.campaigns.experiments.references import PlannedReference, planned_reference
 from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig, simulated_wire, tracked_wire, wire_row
 from smadrive.campaigns.plan.plan import PlannedRun
+from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.loop import LoopMetrics, Tick
 from smadrive.control.references.reference import Reference
@@ -21,6 +22,7 @@ from smadrive.rig.rig import Rig
 from smadrive.rig.supervision import wire_checks
 from smadrive.runs.metrics.series import energy_j, of_finite, rms_and_max
 from smadrive.runs.run_log import TickRecorder, record_tracking
+from smadrive.safety.temperature_by_resistance import always
 from smadrive.wire.wire_model import WireModel
 
 
@@ -116,7 +118,8 @@ def _driven(
                 if recorder is not None:
                     recorder.tick(tick)
 
-            return rig.drive(controller, wire.balance, record, wire_checks(wire, source))
+            trusts_sensor = controller.trusts_sensor if isinstance(controller, TrackingController) else always
+            return rig.drive(controller, wire.balance, record, wire_checks(wire, source, None, trusts_sensor))
 
 
 def _recorder(

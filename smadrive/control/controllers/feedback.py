@@ -105,18 +105,21 @@ class TemperatureFeedback:
         dt_s: float,
         faster: float = 1.0,
         small_c: float = inf,
+        *,
+        is_held_back: bool = False,
     ) -> float:
         """Return the power to command for the next `dt_s`, W, from 0 to `limit_w`.
 
         `error_c` is the error, setpoint - process value, K. The part of it beyond ± `small_c` is removed at once.
-        `feedforward_w` is the power of the feedforward. Both gains are multiplied by `faster`.
+        `feedforward_w` is the power of the feedforward. Both gains are multiplied by `faster`. The integral does not
+        grow while the request is beyond 0 or `limit_w`, and while `is_held_back`: a limit has reduced the last command.
         """
         near_c = min(max(error_c, -small_c), small_c)
         self._longest_s = max(dt_s, REMEMBERED * self._longest_s)
         far_w = SOON * self.gains.capacity_j_per_k * (error_c - near_c) / self._longest_s
         near_w = feedforward_w + faster * self.gains.proportional_w_per_k * near_c + self.integral_w
         requested_w, lasting_w = _limited(near_w + far_w, limit_w), _limited(near_w, limit_w)
-        if requested_w == near_w + far_w:
+        if requested_w == near_w + far_w and not (is_held_back and error_c > 0.0):
             counted_c = min(max(error_c, -self.integrated_c), self.integrated_c)
             self.integral_w += faster * self.gains.integral_w_per_k_s * counted_c * dt_s
         self._handover_w = self._handover(lasting_w, dt_s, is_far=near_c != error_c)

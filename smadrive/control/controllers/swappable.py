@@ -49,6 +49,10 @@ class SwappableController:
         state = self._controller.state
         return None if state is None else state.source
 
+    def trusts_sensor(self) -> bool:
+        """Return False while the displacement sensor gives wrong readings."""
+        return self._controller.trusts_sensor()
+
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Call `at_tick`, and return the command of the controller for this measurement."""
         self.time_s = time_s

@@ -25,7 +25,7 @@ from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.control.feedforward.displacement import DisplacementFeedforward, DisplacementInverse, Feedforward
 from smadrive.control.feedforward.reversal_preview import Reversal, ReversalPreview
 from smadrive.control.references.reference import Reference
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.wire.wire_model import WireModel
 
 ABSURD = 2.0
@@ -59,12 +59,14 @@ class TrackingState(NamedTuple):
 class _Period(NamedTuple):
     """The coming period, which begins at `time_s`.
 
-    `ahead` is the estimate at this time, `limit_w` the largest power. The setpoint is `setpoint_mm` and moves at
-    `rate_mm_per_s`.
+    `ahead` is the estimate at this time, `ohm` the resistance, `least_w` and `limit_w` the least and the largest power.
+    The setpoint is `setpoint_mm` and moves at `rate_mm_per_s`.
     """
 
     time_s: float
     ahead: WireEstimate
+    ohm: float
+    least_w: float
     limit_w: float
     setpoint_mm: float
     rate_mm_per_s: float
@@ -88,20 +90,25 @@ class TrackingController:
         self._reference = reference
         self._wire = wire
         self._limit_a, self._period_s = settings.current_limit_a, settings.period_s
-        noise_mm = DISPLACEMENT_NOISE * abs(wire.travel_mm)
-        self._observer = WireObserver(wire, settings.period_s, settings.noise_c, noise_mm)
-        resistance = None if wire.resistance is None else ResistanceSensor(wire, wire.resistance)
-        self._sources = SourceSelection(settings.displacement_from, resistance, noise_mm, abs(wire.travel_mm))
+        period_s, stroke_mm = settings.period_s, abs(wire.travel_mm)
+        noise_mm = DISPLACEMENT_NOISE * stroke_mm
+        self._observer = WireObserver(wire, period_s, settings.noise_c, noise_mm)
+        resistance = None if wire.resistance is None else ResistanceSensor(wire, wire.resistance, period_s)
+        self._sources = SourceSelection(settings.displacement_from, resistance, noise_mm, stroke_mm, period_s)
         self._feedforward = DisplacementFeedforward(inverse, wire)
-        self._preview = ReversalPreview(wire) if inverse.hysteretic else None
+        self._preview = ReversalPreview(wire, period_s) if inverse.hysteretic else None
         self._feedback = TrackingFeedback(wire, settings)
-        self._trim = DisplacementTrim(settings.closed_loop_s)
+        self._trim = DisplacementTrim(settings.closed_loop_s, stroke_mm)
         self._state: TrackingState | None = None
 
     @property
     def state(self) -> TrackingState | None:
         """The state after the last update; None before the first update."""
         return self._state
+
+    def trusts_sensor(self) -> bool:
+        """Return False while the displacement sensor gives wrong readings."""
+        return self._state is None or not self._state.source.is_sensor_wrong
 
     def take_over(self, before: TrackingController) -> None:
         """Continue from the state of the controller `before`; the command jumps only if the error is large.
@@ -126,25 +133,28 @@ class TrackingController:
             return Command(0.0, setpoint_mm=self._reference.value_mm(time_s))
         before = self._state or self._started(measurement)
         source, selected = self._sources.update(before.source, measurement, before.estimate, before.ahead, dt_s)
-        estimate = self._observed(measurement, selected.used, dt_s)
+        by_sensor = source.source is DisplacementFrom.SENSOR
+        estimate = self._observed(measurement, selected.used, dt_s, by_sensor=by_sensor)
         coming_s = max(dt_s, self._period_s)  # on a slow bus, a short period is followed by a long one
         ahead = self._observer.predict(estimate, before.power_w, coming_s)
-        period = self._coming_period(ahead, time_s + coming_s, coming_s)
+        period = self._coming_period(ahead, source, time_s + coming_s, coming_s)
         direction, reversal = self._course(before, period)
         target = self._target(period, before.trim_mm, direction, reversal)
         is_measured = isfinite(selected.used.mm)
-        power_w = self._feedback.update(target, period.ahead, period.limit_w, coming_s, is_measured=is_measured)
-        ohm = self._wire.resistance_ohm(period.ahead.hysteresis)
-        power_w = max(min(power_w, self._sources.most_a(source) ** 2 * ohm), self._sources.floor_a(source) ** 2 * ohm)
+        is_held_back = bool(measurement.limits)
+        requested_w = self._feedback.update(
+            target, ahead, period.limit_w, coming_s, is_measured=is_measured, is_held_back=is_held_back
+        )
+        power_w = max(requested_w, period.least_w)
         trim_mm = 0.0
         if reversal is None and is_measured:
-            is_free = 0.0 < power_w < period.limit_w
+            is_free = target.reachable and not is_held_back and period.least_w < requested_w < period.limit_w
             error_mm = period.setpoint_mm - period.ahead.hysteresis.y
             error_c = target.temperature_c - period.ahead.temperature_c
             trim_mm = self._trim.update(before.trim_mm, error_mm, error_c if is_free else inf, coming_s)
         self._state = TrackingState(estimate, power_w, trim_mm, direction, reversal, period.ahead, source)
         return Command(
-            sqrt(power_w / ohm),
+            sqrt(power_w / period.ohm),
             target.temperature_c,
             self._reference.value_mm(time_s),
             estimate.temperature_c,
@@ -161,7 +171,9 @@ class TrackingController:
         estimate = self._observer.start(measurement.temperature_c, self._sources.start_mm(measurement))
         return TrackingState(estimate, 0.0, 0.0, 1, None, estimate, self._sources.start())
 
-    def _observed(self, measurement: Measurement, displacement: DisplacementReading, dt_s: float) -> WireEstimate:
+    def _observed(
+        self, measurement: Measurement, displacement: DisplacementReading, dt_s: float, *, by_sensor: bool
+    ) -> WireEstimate:
         """Return the estimate at `measurement`.
 
         It uses the measured power, or the power of the commanded current if the measured power is unknown or absurd.
@@ -171,7 +183,7 @@ class TrackingController:
         before = self._state.estimate
         power_w = measurement.current_a * measurement.voltage_v
         if not isfinite(power_w) or measurement.current_a > ABSURD * self._limit_a:
-            power_w = measurement.in_force_a**2 * self._wire.resistance_ohm(before.hysteresis)
+            power_w = measurement.in_force_a**2 * self._wire.resistance_ohm(before.hysteresis, before.temperature_c)
         return self._observer.update(
             before,
             measurement.temperature_c,
@@ -179,14 +191,16 @@ class TrackingController:
             power_w,
             dt_s,
             displacement.noise_mm,
+            by_sensor=by_sensor,
         )
 
-    def _coming_period(self, ahead: WireEstimate, time_s: float, dt_s: float) -> _Period:
+    def _coming_period(self, ahead: WireEstimate, source: SourceState, time_s: float, dt_s: float) -> _Period:
         """Return the period that begins at `time_s`, with the estimate `ahead` at this time."""
-        limit_w = self._limit_a**2 * self._wire.resistance_ohm(ahead.hysteresis)
+        ohm = self._wire.resistance_ohm(ahead.hysteresis, ahead.temperature_c)
         setpoint_mm = self._reference.value_mm(time_s)
         rate_mm_per_s = (self._reference.value_mm(time_s + dt_s) - setpoint_mm) / dt_s
-        return _Period(time_s, ahead, limit_w, setpoint_mm, rate_mm_per_s)
+        least_a, most_a = self._sources.floor_a(source), min(self._sources.most_a(source), self._limit_a)
+        return _Period(time_s, ahead, ohm, least_a**2 * ohm, most_a**2 * ohm, setpoint_mm, rate_mm_per_s)
 
     def _course(self, before: TrackingState, period: _Period) -> tuple[int, Reversal | None]:
         """Return the direction of the phase, and the reversal that the wire continues or begins (None: no reversal)."""
@@ -198,7 +212,8 @@ class TrackingController:
             direction = 1 if period.rate_mm_per_s / travel_mm > 0 else -1
         if self._preview is None:
             return direction, None
-        reversal = self._preview.update(period.ahead, self._reference, period.time_s, direction, period.limit_w)
+        powers_w = period.least_w, period.limit_w
+        reversal = self._preview.update(period.ahead, self._reference, period.time_s, direction, powers_w)
         return (direction, None) if reversal is None else (-direction, reversal)
 
     def _target(self, period: _Period, trim_mm: float, direction: int, reversal: Reversal | None) -> Feedforward:

@@ -77,20 +77,31 @@ class TrackingFeedback:
         self._latent_k_per_mm = wire.balance.latent_heat_j / wire.balance.heat_capacity_j_per_k / wire.travel_mm
 
     def update(
-        self, target: Feedforward, ahead: WireEstimate, limit_w: float, dt_s: float, *, is_measured: bool
+        self,
+        target: Feedforward,
+        ahead: WireEstimate,
+        limit_w: float,
+        dt_s: float,
+        *,
+        is_measured: bool,
+        is_held_back: bool = False,
     ) -> float:
         """Return the power of feedforward and feedback for the next `dt_s`, W, from 0 to `limit_w`.
 
-        `ahead` is the estimate at the beginning of this time. `is_measured` is True if its displacement is measured.
+        `ahead` is the estimate at the beginning of this time. `is_measured` is True if its displacement is measured,
+        `is_held_back` if a limit of device or driver reduced the last command.
         """
         error_c, feedforward_w = target.temperature_c - ahead.temperature_c, self._share * target.power_w
         latent_c = self._latent_k_per_mm * (target.displacement_mm - ahead.hysteresis.y)
         feedback = self.temperature
         if is_measured:
             small_c = self._small_c(ahead.evidence.level)
-            return feedback.update(error_c + latent_c, feedforward_w, limit_w, dt_s, self._faster, small_c)
+            error_c += latent_c
+            return feedback.update(
+                error_c, feedforward_w, limit_w, dt_s, self._faster, small_c, is_held_back=is_held_back
+            )
         certain_c = latent_c - min(max(latent_c, -UNCERTAIN_C), UNCERTAIN_C)
-        return feedback.update(error_c + certain_c, feedforward_w, limit_w, dt_s)
+        return feedback.update(error_c + certain_c, feedforward_w, limit_w, dt_s, is_held_back=is_held_back)
 
     def _small_c(self, level: float) -> float:
         """Return the bound of a small error, K. `level` is the level of the evidence of a disturbance, from 0 to 1."""

@@ -7,9 +7,15 @@ is Tc times the difference between the rates of wire and setpoint. The trim is a
     d(trim)/dt = (setpoint - displacement) / Ti        Ti = 4 Tc, the usual separation of the loops of a cascade
 
 The trim is in millimetres, so it has the same effect on steep and on flat parts of the loop. The trim must not act
-against the hysteresis. While the wire crosses the loop, its temperature differs from the setpoint, and the displacement
-cannot respond yet. So the trim stays constant while this difference exceeds `FOLLOWS_C`, and while the power is at a
-limit. A reversal sets the trim to zero, because the errors of the two branches are independent.
+against the hysteresis, and must not grow where it has no effect. It stays constant
+
+    while the wire crosses the loop: its temperature differs from the setpoint by more than `FOLLOWS_C`, and its
+        displacement cannot respond yet
+    while a limit holds the power back
+    while the wire cannot get nearer to the setpoint, as at an end of its travel
+
+If the wire is ahead of a setpoint that stands still, the trim lets it cross the loop once, after some seconds. It is at
+most `MOST` of the stroke. A reversal sets it to zero, because the errors of the two branches are independent.
 """
 
 from __future__ import annotations
@@ -21,16 +27,22 @@ FOLLOWS_C = 0.3
 """The trim stays constant while the temperature differs from its setpoint by more than this, K."""
 
 
+MOST = 0.03
+"""Largest trim, as a share of the stroke."""
+
+
 class DisplacementTrim:
     """The integral term of the displacement error: a trim in mm, which is added to the displacement setpoint."""
 
-    def __init__(self, closed_loop_s: float) -> None:
-        self._integral_s = SLOWER * closed_loop_s
+    def __init__(self, closed_loop_s: float, stroke_mm: float) -> None:
+        self._integral_s, self._most_mm = SLOWER * closed_loop_s, MOST * stroke_mm
 
     def update(self, trim_mm: float, error_mm: float, error_c: float, dt_s: float) -> float:
         """Return the new trim, mm, `dt_s` seconds after the trim was `trim_mm`.
 
         `error_mm` and `error_c` are setpoint - process value of displacement and temperature. The trim stays constant
-        while `error_c` exceeds `FOLLOWS_C` in absolute value. While the power is at a limit, `error_c` is infinite.
+        while `error_c` exceeds `FOLLOWS_C` in absolute value. Infinity stands for the other cases in which it does so.
         """
-        return trim_mm + error_mm * dt_s / self._integral_s if abs(error_c) <= FOLLOWS_C else trim_mm
+        if abs(error_c) > FOLLOWS_C:
+            return trim_mm
+        return min(max(trim_mm + error_mm * dt_s / self._integral_s, -self._most_mm), self._most_mm)

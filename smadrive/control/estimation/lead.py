@@ -7,14 +7,15 @@ the wire is known, its resistance R(T, ξ) is known, too, and each sample measur
     z = U/I - R(T, ξ)        variance of z: (σ_U / I)² + (dR/dξ σ_ξ)²
 
 The phase is known while the wire is so cold that it is martensite after any history, and while a displacement sensor is
-valid. A Kalman filter with one state gives the mean m and the variance P of a changed δ. An error of the temperature
-does not average out, so P never falls below the variance that this error causes.
+valid. A Kalman filter with one state gives the mean m and the variance P of a changed δ. Leads drift slowly: the filter
+must not follow a sensor that slides. The errors of the temperature and of the fit do not average out, so their variance
+S is added to P when m is judged.
 
 A rig that was not touched has δ = 0 exactly, so a small m is more probably noise than a change. With the probability
 `CHANGED` of a change before the samples, and the prior variance P_0, the probability after the samples is p, by the
 Bayes factor of Savage and Dickey (Dickey, Ann. Math. Stat. 42, 1971):
 
-    p = CHANGED / (CHANGED + (1 - CHANGED) sqrt(P_0/P) exp(-m²/2P))        δ = p m
+    p = CHANGED / (CHANGED + (1 - CHANGED) sqrt(P_0/(P + S)) exp(-m²/2(P + S)))        δ = p m
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ CHANGED = 0.03
 CHANGE = 0.003
 """Standard deviation of a change, as a share of the resistance; crimps and plugs change by this much."""
 
-DRIFT = 2e-5
+DRIFT = 2e-6
 """Drift of δ after one second, as a share of the resistance."""
 
 TEMPERATURE_C = 0.08
@@ -53,15 +54,15 @@ class LeadChange(NamedTuple):
         drifted = self.variance + (DRIFT * resistance_ohm) ** 2 * dt_s
         return self._replace(variance=min(drifted, self.prior_variance))
 
-    def measured(self, ohm: float, variance: float, least_variance: float) -> LeadChange:
-        """Return the state after the sample z = `ohm` with this variance. P does not fall below `least_variance`."""
+    def measured(self, ohm: float, variance: float) -> LeadChange:
+        """Return the state after the sample z = `ohm` with this variance."""
         gain = self.variance / (self.variance + variance)
-        after = max((1.0 - gain) * self.variance, min(least_variance, self.variance))
-        return self._replace(mean_ohm=self.mean_ohm + gain * (ohm - self.mean_ohm), variance=after)
+        mean_ohm = self.mean_ohm + gain * (ohm - self.mean_ohm)
+        return self._replace(mean_ohm=mean_ohm, variance=(1.0 - gain) * self.variance)
 
-    def estimate(self) -> tuple[float, float]:
-        """Return the expected δ, Ω, and its variance, Ω²."""
-        mean_ohm, variance = self.mean_ohm, self.variance
+    def estimate(self, systematic: float) -> tuple[float, float]:
+        """Return the expected δ, Ω, and its variance, Ω². `systematic` is the variance S of the lasting errors."""
+        mean_ohm, variance = self.mean_ohm, self.variance + systematic
         unchanged = sqrt(self.prior_variance / variance) * exp(-0.5 * mean_ohm**2 / variance)
         probability = CHANGED / (CHANGED + (1.0 - CHANGED) * unchanged)
         ohm = probability * mean_ohm

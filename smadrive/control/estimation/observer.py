@@ -130,17 +130,20 @@ class WireObserver:
         power_w: float,
         dt_s: float,
         noise_mm: float | None = None,
+        *,
+        by_sensor: bool = True,
     ) -> WireEstimate:
         """Return the estimate `dt_s` seconds after `before`, corrected by the measurements at this time.
 
         The wire was heated with `power_w` since `before`. `reading_c` is the reading of the thermocouple. NaN marks a
         missing measurement. `noise_mm` is the standard deviation of this displacement; None takes the `noise_mm` of the
-        observer.
+        observer. Without `by_sensor`, the displacement follows from the resistance.
         """
         if isfinite(displacement_mm):
             expected = self._predicted(before, power_w, dt_s, self._seeing_c)
             read_c = _innovation_c(reading_c, expected.thermocouple_c)
-            return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm or self._noise_mm)
+            least_w = -inf if by_sensor else self._strongest_draft_w(expected.temperature_c)
+            return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm or self._noise_mm, least_w)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
         read_c = _innovation_c(reading_c, thermocouple_c)
         evidence = self._test.by_reading(before.evidence, read_c, wire_c - thermocouple_c)
@@ -190,13 +193,13 @@ class WireObserver:
         return play, self._model.step(before.hysteresis, play.output(radius_c) - before.shift_c)
 
     def _corrected_by_both(
-        self, expected: WireEstimate, read_c: float, displacement_mm: float, noise_mm: float
+        self, expected: WireEstimate, read_c: float, displacement_mm: float, noise_mm: float, least_w: float
     ) -> WireEstimate:
         """Return the estimate corrected by thermocouple and displacement.
 
-        `read_c` is measured - expected temperature of the thermocouple. The input of the hysteresis model moves with
-        the temperature, but the model makes no step: the correction of the phase already contains the effect of the
-        temperature.
+        `read_c` is measured - expected temperature of the thermocouple, `least_w` the least unexplained power. The
+        input of the hysteresis model moves with the temperature, but the model makes no step: the correction of the
+        phase already contains the effect of the temperature.
         """
         phase_error = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
         gap_c = expected.temperature_c - expected.thermocouple_c
@@ -211,7 +214,6 @@ class WireObserver:
         shift_c = limited_c - expected.shift_c
         y = expected.hysteresis.y + self._wire.travel_mm * phase
         wire_c += self._reduction_c(expected.hysteresis.v + wire_c - shift_c, y, noise_mm)
-        least_w = self._strongest_draft_w(expected.temperature_c) if noise_mm > self._noise_mm else -inf
         return WireEstimate(
             expected.temperature_c + wire_c,
             expected.thermocouple_c + thermocouple_c,

@@ -6,8 +6,8 @@ current, and the errors that do not average out: those of the leads, of the fit 
 
     σ_d² = travel² [ (σ_U/I)² + N (σ_δ² + σ_fit² + (dR/dT σ_T)²) ] / (dR/dξ)²
 
-The observer averages about N = `AVERAGED` samples. A constant error counts N times, because the observer must not take
-N samples with the same error for a better one.
+The observer averages the samples of about half a second, N = `AVERAGED_S` / period, but at least `AVERAGED`. A constant
+error counts N times, because the observer must not take N samples with the same error for a better one.
 
 U/I is the resistance at a time `delay_s` before the measurement (wire/identified_resistance.py). So the change that the
 model predicts for this delay is added.
@@ -27,8 +27,8 @@ from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import COLD_PHASE, cold_c, sense_current
 from smadrive.wire.wire_model import WireModel
 
-AVERAGED = 10.0
-"""Number of samples over which the observer averages, approximately."""
+AVERAGED, AVERAGED_S = 10.0, 0.5
+"""Least number of samples over which the observer averages, and the time of these samples, s, approximately."""
 
 SLOW_C_PER_S, FAST_C_PER_S = 12.0, 25.0
 """Limits for the measurement of the leads of a cold wire, K/s.
@@ -58,12 +58,14 @@ class ResistanceSensor:
     """Measures the displacement of `wire` by its `resistance`.
 
     `cold_c` is the temperature below which the wire is martensite after any history. `floor_a` is the sense current,
-    `cold_a` the largest current while the leads of the cold wire are measured.
+    `cold_a` the largest current while the leads of the cold wire are measured. `period_s` is the period of the loop.
     """
 
-    def __init__(self, wire: WireModel, resistance: WireResistance) -> None:
+    def __init__(self, wire: WireModel, resistance: WireResistance, period_s: float) -> None:
         self._wire, self._resistance = wire, resistance
+        self._averaged = max(AVERAGED, AVERAGED_S / period_s)
         self._ohm_per_k = _ohm_per_k(wire, resistance)
+        self._systematic = resistance.error_ohm**2 + (self._ohm_per_k * TEMPERATURE_C) ** 2
         middle_c = sum(wire.model.input_range) / 2.0
         self._most_jump_ohm = MOST_JUMP * abs(resistance.ohm(middle_c, 1.0) - resistance.ohm(middle_c, 0.0))
         self.cold_c = cold_c(wire, resistance)
@@ -106,8 +108,7 @@ class ResistanceSensor:
         if abs(lead_ohm - lead.mean_ohm) > self._most_jump_ohm:
             return later
         variance = (resistance.noise_v / measurement.current_a) ** 2 + (slope * noise) ** 2
-        least = (self._ohm_per_k * TEMPERATURE_C) ** 2 + resistance.error_ohm**2
-        return later.measured(lead_ohm, variance, least)
+        return later.measured(lead_ohm, variance)
 
     def displacement(
         self, lead: LeadChange, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
@@ -124,17 +125,20 @@ class ResistanceSensor:
         ohm = self._ohm(measurement, before, ahead, slope, dt_s)
         if not isfinite(ohm) or slope == 0.0 or self.is_cold(before):
             return NO_READING
-        lead_ohm, lead_variance = lead.estimate()
+        lead_ohm, lead_variance = lead.estimate(self._systematic)
         phase = resistance.phase(ohm - lead_ohm, temperature_c, start)
-        constant = lead_variance + resistance.error_ohm**2 + (self._ohm_per_k * TEMPERATURE_C) ** 2
-        noise = sqrt((resistance.noise_v / measurement.current_a) ** 2 + AVERAGED * constant) / abs(slope)
+        lasting = self._averaged * (lead_variance + self._systematic)
+        noise = sqrt((resistance.noise_v / measurement.current_a) ** 2 + lasting) / abs(slope)
         if not (noise < MOST_NOISE and -MOST_JUMP < phase < 1.0 + MOST_JUMP):
             return NO_READING
         return DisplacementReading(wire.displacement_mm(phase), noise * abs(wire.travel_mm))
 
     def is_cold(self, before: WireEstimate) -> bool:
-        """Return True if the wire is so cold in the estimate `before` that it is martensite after any history."""
-        return max(before.temperature_c, before.thermocouple_c) < self.cold_c
+        """Return True if the wire is so cold in the estimate `before` that it is martensite after any history.
+
+        A smaller load lets the martensite form at lower temperatures.
+        """
+        return max(before.temperature_c, before.thermocouple_c) - min(before.shift_c, 0.0) < self.cold_c
 
     def measures_leads(self, measurement: Measurement) -> bool:
         """Return True if the current is large enough to measure the leads of a cold wire."""

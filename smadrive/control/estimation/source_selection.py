@@ -16,11 +16,11 @@ The sensor is implausible in a tick if all of this holds:
     |d| of the resistance is less than half of |d| of the sensor
 
 The limit is `MOST_SHARE` strokes, or `MOST_NOISES` standard deviations of the displacement by the resistance if that is
-more. The sensor has failed after `FAILS_TICKS` implausible ticks in a row. If the sensor agrees with the model and the
-resistance does not, a contact has changed, and the sensor stays the source.
+more. The sensor has failed after `FAILS_TICKS` implausible ticks in a row that last `FAILS_S` at least. If the sensor
+agrees with the model and the resistance does not, a contact has changed, and the sensor stays the source.
 
     sensor --no reading, or implausible--> resistance --valid for RETURNS_TICKS ticks in a row, and agrees--> sensor
-    sensor --implausible for FAILS_TICKS ticks in a row--> failed: the resistance, until the end of the run
+    sensor --implausible for as long--> failed: the resistance, until the end of the run
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ from smadrive.measurement import DisplacementFrom, Measurement
 FORGET_S = 3.0
 MOST_SHARE, MOST_NOISES = 0.03, 2.5
 WEIGHT = 0.2
-FAILS_TICKS, RETURNS_TICKS = 5, 20
+FAILS_TICKS, FAILS_S = 5, 0.25
+RETURNS_TICKS = 20
 COLD_S = 2.5
 """Longest time for which the leads of the cold wire are measured at the beginning of a run, s."""
 
@@ -54,7 +55,7 @@ class SourceState(NamedTuple):
     valid_ticks            number of latest ticks in a row with a plausible reading of the sensor
     has_sensor             True after the first reading of the sensor
     is_replaced            True while a sensor that has given a reading is not the source
-    failed                 True after `FAILS_TICKS` implausible ticks in a row, until the end of the run
+    failed                 True once the sensor was implausible for long enough, until the end of the run
     source                 source of the last tick; NONE if the tick had no displacement
     cold_s                 time for which the leads of the cold wire were measured, s; inf once the wire has been warm
     """
@@ -79,6 +80,11 @@ class SourceState(NamedTuple):
         return self.is_replaced or self.source is DisplacementFrom.RESISTANCE
 
     @property
+    def is_sensor_wrong(self) -> bool:
+        """True if the sensor has failed, or has given readings again for a while that the resistance contradicts."""
+        return self.failed or (self.is_replaced and self.valid_ticks > RETURNS_TICKS)
+
+    @property
     def in_force(self) -> DisplacementFrom:
         """The source in force: `RESISTANCE` if `needs_resistance`, else `source`. It may differ from the chosen one."""
         return DisplacementFrom.RESISTANCE if self.needs_resistance else self.source
@@ -96,14 +102,20 @@ class SourceSelection:
 
     `chosen` is the source that the user has chosen. `resistance` measures the displacement by the resistance; it is
     None if the resistance of the wire is not identified. `noise_mm` is the standard deviation of the noise of the
-    displacement sensor, `stroke_mm` the stroke.
+    displacement sensor, `stroke_mm` the stroke, `period_s` the period of the loop.
     """
 
     def __init__(
-        self, chosen: DisplacementFrom, resistance: ResistanceSensor | None, noise_mm: float, stroke_mm: float
+        self,
+        chosen: DisplacementFrom,
+        resistance: ResistanceSensor | None,
+        noise_mm: float,
+        stroke_mm: float,
+        period_s: float,
     ) -> None:
         self._chosen, self._resistance = chosen, resistance
         self._noise_mm, self._most_mm = noise_mm, MOST_SHARE * stroke_mm
+        self._fails_ticks = max(FAILS_TICKS, round(FAILS_S / period_s))
 
     def start(self) -> SourceState:
         """Return the state before the first measurement."""
@@ -208,7 +220,7 @@ class SourceSelection:
             suspect_ticks=suspect_ticks,
             valid_ticks=state.valid_ticks + 1 if isfinite(sensor.mm) and not is_suspect else 0,
             has_sensor=state.has_sensor or isfinite(sensor.mm),
-            failed=state.failed or suspect_ticks >= FAILS_TICKS,
+            failed=state.failed or suspect_ticks >= self._fails_ticks,
         )
 
     def _source(

@@ -10,7 +10,8 @@ if the wait takes longer than the cooling, without power, from T₊ to T₋:
 T₋ is the temperature at which the cooling wire begins to move. T₊ is the temperature at which the heated wire begins to
 move, or that of the wire itself if the reference rises. τ is the time constant; the heating takes far less time. While
 the wire cools, both sides decrease by 1 s in each second, so the wire does not change its mind. It always waits for a
-reference that it leads by less than the tolerance.
+reference that it leads by less than the tolerance. With a displacement sensor, the trim (controllers/trim.py) is part
+of the reference: it takes a wire back that leads a reference at rest.
 """
 
 from __future__ import annotations
@@ -71,12 +72,13 @@ class TemperatureTarget(NamedTuple):
     """The temperature that a displacement setpoint needs, °C, and the displacement that the wire then has, mm.
 
     `k_per_mm` is the derivative of this temperature with respect to the setpoint, in K/mm. It is 0 if the temperature
-    does not follow the setpoint.
+    does not follow the setpoint. `reachable` is False if the wire cannot get nearer to the setpoint.
     """
 
     temperature_c: float
     k_per_mm: float
     displacement_mm: float
+    reachable: bool = True
 
 
 class DisplacementInverse(Protocol):
@@ -136,7 +138,7 @@ class HysteresisInverse:
         """
         soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
-            return TemperatureTarget(self._model.input_range[0] - COLDER_C, 0.0, self._cold_mm)
+            return TemperatureTarget(self._model.input_range[0] - COLDER_C, 0.0, self._cold_mm, reachable=False)
         lead = direction * (state.y - setpoint_mm) / self._travel_mm
         toward = direction * rate_mm_per_s / self._travel_mm
         if lead >= 0.0 and (lead <= REVERSAL_TOLERANCE or self._waits(state, lead, toward, direction, cooling_s)):
@@ -144,7 +146,9 @@ class HysteresisInverse:
         else:
             found = self._reach(state, setpoint_mm)
         hottest_c = self._branches.heating_c(setpoint_mm) + BEYOND_C
-        return found if found.temperature_c <= hottest_c else found._replace(temperature_c=hottest_c, k_per_mm=0.0)
+        if found.temperature_c <= hottest_c:
+            return found
+        return TemperatureTarget(hottest_c, 0.0, found.displacement_mm, reachable=False)
 
     def _waits(
         self, state: HysteresisState, lead: float, toward: float, direction: int, cooling_s: CoolingTime
@@ -166,7 +170,7 @@ class HysteresisInverse:
         reached = self._model.step(state, inversion.v)
         slope = self._model.slope(reached, 1 if inversion.v >= state.v else -1)
         k_per_mm = self._k_per_mm(slope / self._travel_mm) if inversion.reachable else 0.0
-        return TemperatureTarget(inversion.v, k_per_mm, reached.y)
+        return TemperatureTarget(inversion.v, k_per_mm, reached.y, inversion.reachable)
 
     def _k_per_mm(self, per_k: float) -> float:
         """Return the derivative of the temperature with respect to the displacement, K/mm.
@@ -179,10 +183,12 @@ class HysteresisInverse:
         """Return a target a little behind the branch of `direction`, where the wire waits for the reference.
 
         A wire between the branches hardly moves with its temperature. So it waits where it can move on at once: next to
-        the branch that the reference needs. A wire at an end of its travel waits near its present temperature.
+        the branch that the reference needs. At an end of its travel it waits next to the end of this branch.
         """
-        if not COLD_END < (state.y - self._cold_mm) / self._travel_mm < 1.0 - COLD_END:
-            return TemperatureTarget(state.v - direction * WAITING_RANGE_C, 0.0, state.y)
+        phase = (state.y - self._cold_mm) / self._travel_mm
+        if not COLD_END < phase < 1.0 - COLD_END:
+            waiting_c = self._waiting_c(state, direction, is_cold=phase < 0.5)
+            return TemperatureTarget(waiting_c, 0.0, state.y, reachable=False)
         ready_c = self._inverse.update(state, state.y + direction * READY * self._travel_mm).v
         per_k = self._model.slope(self._model.step(state, ready_c), direction) / self._travel_mm
         back_k = READY / per_k if per_k * WAITING_RANGE_C > READY else 0.0
@@ -191,13 +197,25 @@ class HysteresisInverse:
         target_c = ready_c - direction * (back_k + lead / per_k)
         return TemperatureTarget(target_c, self._k_per_mm(per_k), setpoint_mm)
 
+    def _waiting_c(self, state: HysteresisState, direction: int, *, is_cold: bool) -> float:
+        """Return the temperature at which a wire waits at an end of its travel. A cold wire that falls gets no heat."""
+        end_mm = self._cold_mm + self._travel_mm * (COLD_END if is_cold else 1.0 - COLD_END)
+        if direction > 0:
+            return self._branches.heating_c(end_mm) - WAITING_RANGE_C
+        waiting_c = self._branches.cooling_c(end_mm) + WAITING_RANGE_C
+        return min(waiting_c, state.v) if is_cold else waiting_c
+
 
 class Feedforward(NamedTuple):
-    """The setpoint of the wire temperature, the power for it, and the displacement that the wire then has."""
+    """The setpoint of the wire temperature, the power for it, and the displacement that the wire then has.
+
+    `reachable` is False if the wire cannot get nearer to the displacement setpoint.
+    """
 
     temperature_c: float
     power_w: float
     displacement_mm: float
+    reachable: bool
 
 
 class DisplacementFeedforward:
@@ -220,12 +238,12 @@ class DisplacementFeedforward:
             return self._balance.cooling_s(from_c + estimate.shift_c, to_c + estimate.shift_c)
 
         target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s, cooling_s)
-        rate_c_per_s = target.k_per_mm * rate_mm_per_s
+        moved_per_s = rate_mm_per_s / self._travel_mm if target.k_per_mm else 0.0
         temperature_c = target.temperature_c + estimate.shift_c
-        power_w = self._balance.power_w(temperature_c, rate_c_per_s, rate_mm_per_s / self._travel_mm)
-        return Feedforward(temperature_c, power_w - estimate.disturbance_w, target.displacement_mm)
+        power_w = self._balance.power_w(temperature_c, target.k_per_mm * rate_mm_per_s, moved_per_s)
+        return Feedforward(temperature_c, power_w - estimate.disturbance_w, target.displacement_mm, target.reachable)
 
     def hold(self, estimate: WireEstimate, temperature_c: float, displacement_mm: float) -> Feedforward:
         """Return the given setpoints of temperature and displacement, and the power that holds the wire there."""
         power_w = self._balance.power_w(temperature_c, 0.0, 0.0) - estimate.disturbance_w
-        return Feedforward(temperature_c, power_w, displacement_mm)
+        return Feedforward(temperature_c, power_w, displacement_mm, reachable=True)

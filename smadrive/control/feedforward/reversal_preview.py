@@ -4,8 +4,8 @@ At a reversal the temperature must change by many kelvin, from one branch to the
 moves. The surroundings limit the cooling. A wire that reverses together with the reference is late by the whole time of
 this crossing, so it has an error after the peak. A wire that reverses early does not reach the peak, so it has an error
 before the peak. The preview begins the reversal when these two errors are equal: the larger error is then as small as
-possible. To find this moment, the preview simulates a wire that begins to reverse now: at zero power if the wire must
-cool, at full power if the wire must heat up. It compares the simulated wire with the reference at `POINTS` times.
+possible. To find this moment, the preview simulates a wire that begins to reverse now: at the least power if the wire
+must cool, at full power if the wire must heat up. It compares the simulated wire with the reference at `POINTS` times.
 """
 
 from __future__ import annotations
@@ -33,6 +33,10 @@ While the error would be larger, no reversal begins, even if the wire is then la
 
 BEYOND = 0.01
 """A wire that is beyond the meeting point by more than this fraction of the stroke has ended its reversal early."""
+
+
+LEAST_PERIODS = 1.5
+"""A reversal is previewed at least this number of periods of the loop before the peak."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,24 +85,31 @@ class _Crossing(NamedTuple):
 class ReversalPreview:
     """Decides when the reversals of one wire begin."""
 
-    def __init__(self, wire: WireModel) -> None:
+    def __init__(self, wire: WireModel, period_s: float) -> None:
+        """`period_s` is the period of the loop."""
         self._wire = wire
         self._inverse = InverseFeedforward(wire.model)
         self._horizon_s = HORIZON * wire.balance.time_constant_s
+        self._seen_s = max(0.5 * self._horizon_s, LEAST_PERIODS * period_s)
 
     def update(
-        self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float
+        self,
+        estimate: WireEstimate,
+        reference: Reference,
+        time_s: float,
+        direction: int,
+        power_w: tuple[float, float],
     ) -> Reversal | None:
         """Return the reversal that must begin now, at `time_s`, or None if the wire must continue in `direction`.
 
         `estimate` is the estimated state of the wire. `direction` is +1 towards the hot end of the travel, -1 towards
-        the cold end. `limit_w` is the largest power.
+        the cold end. `power_w` is the least and the largest power.
         """
         upward = direction / self._wire.travel_mm > 0
         reverses_s = reference.next_reversal_s(time_s, 1 if upward else -1)
-        if reverses_s > time_s + 0.5 * self._horizon_s:
+        if reverses_s > time_s + self._seen_s:
             return None
-        crossing = _crossing(self._shortfalls(estimate, reference, time_s, direction, limit_w), reverses_s)
+        crossing = _crossing(self._shortfalls(estimate, reference, time_s, direction, power_w), reverses_s)
         if not crossing.is_due:
             return None
         meets_s = max(crossing.meets_s, reverses_s)
@@ -107,17 +118,22 @@ class ReversalPreview:
         return Reversal(meets_s, meets_mm, meets_c, -direction)
 
     def _shortfalls(
-        self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float
+        self,
+        estimate: WireEstimate,
+        reference: Reference,
+        time_s: float,
+        direction: int,
+        power_w: tuple[float, float],
     ) -> Iterator[tuple[float, float]]:
         """Simulate a wire that reverses now. Yield times, each with the distance of wire and reference in strokes.
 
         The distance is positive while the wire falls short of the reference.
         """
         state = WireState(estimate.temperature_c, estimate.hysteresis)
-        power_w = (limit_w if direction < 0 else 0.0) + estimate.disturbance_w
+        heated_w = power_w[direction < 0] + estimate.disturbance_w
         step_s, ahead = self._horizon_s / POINTS, direction / self._wire.travel_mm
         for _ in range(POINTS):
-            state = self._wire.step(state, power_w, step_s)
+            state = self._wire.step(state, heated_w, step_s)
             time_s += step_s
             yield time_s, ahead * (reference.value_mm(time_s) - state.hysteresis.y)
 
@@ -126,12 +142,14 @@ def _crossing(shortfalls: Iterable[tuple[float, float]], reverses_s: float) -> _
     """Follow the wire until it meets the reference after the peak at `reverses_s`, and return the crossing.
 
     First the wire is too early: it falls short of the reference, until the reference has reversed and reached the wire.
-    Then the wire is late, until it has caught up with the reference.
+    Then the wire is late, until it has caught up with the reference. A crossing that is too early is not followed on.
     """
     early = late = time_s = 0.0
     for time_s, short in shortfalls:
         if time_s <= reverses_s or (short > 0.0 and late == 0.0):
             early = max(early, short)
+            if early > MISSED:
+                break
         elif short < 0.0:
             late = max(late, -short)
         else:

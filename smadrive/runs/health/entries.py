@@ -21,7 +21,7 @@ from smadrive.rig.config import RigConfig
 from smadrive.runs.health.rest_resistance import HeatedSamples, RestResistance, rest_resistance
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.series import rms_and_max
-from smadrive.runs.metrics.tracking_error import error_percent
+from smadrive.runs.metrics.tracking_error import error_percent, measured_mm
 from smadrive.runs.run_metadata import nominal_balance, rig_config_of, wire_of
 from smadrive.runs.session_record import models_of, tunings_of
 from smadrive.safety.resistance_band import current_min_a
@@ -131,13 +131,13 @@ def widths_of(wire: IdentifiedWire) -> LoopWidths:
 
 def _moved_mm(log: Log) -> FloatArray:
     """Return the displacement, and where it was not measured the estimate of the observer."""
-    measured_mm = log.column_with_gaps("displacement_mm")
-    return np.where(np.isfinite(measured_mm), measured_mm, log.column_with_gaps("estimated_mm"))
+    displacement_mm = measured_mm(log)
+    return np.where(np.isfinite(displacement_mm), displacement_mm, log.column_with_gaps("estimated_mm"))
 
 
 def _drift(log: Log, wire: WireModel, config: RigConfig) -> LoopDrift:
-    names = ("time_s", "temperature_c", "displacement_mm")
-    rows = np.column_stack([log.column_with_gaps(name)[-MOST_ROWS:] for name in names])
+    columns = log.column("time_s"), log.column_with_gaps("temperature_c"), measured_mm(log)
+    rows = np.column_stack([column[-MOST_ROWS:] for column in columns])
     time_s, reading_c, displacement_mm = rows[np.isfinite(rows).all(axis=1)].T
     if len(time_s) < 2:
         return UNKNOWN

@@ -6,6 +6,7 @@ from math import nan
 
 import numpy as np
 
+from smadrive.measurement import DisplacementFrom
 from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_metadata import reference_of, wire_of
@@ -23,12 +24,23 @@ def scored_from_s(log: Log) -> float:
     return reference_of(log).scored_from_s if "reference" in log.metadata else 0.0
 
 
+def measured_mm(log: Log) -> FloatArray:
+    """Return the displacement in mm. It is NaN where it was not measured, and where the resistance replaced the sensor.
+
+    A sensor is replaced because its readings are wrong.
+    """
+    displacement_mm = log.column_with_gaps("displacement_mm")
+    if log.metadata.get("displacement_from") != DisplacementFrom.SENSOR or "uses_resistance" not in log.columns:
+        return displacement_mm
+    return np.where(log.column("uses_resistance") == 1.0, nan, displacement_mm)
+
+
 def error_percent(log: Log) -> FloatArray:
     """Return setpoint minus displacement of every row, in % of the stroke.
 
-    The error is NaN during the approach, and where no displacement was measured. DataError when the log is not of a
-    run on an identified wire.
+    The error is NaN during the approach, and where `measured_mm` is NaN. DataError when the log is not of a run on an
+    identified wire.
     """
-    error_mm = log.column_with_gaps("setpoint_mm") - log.column_with_gaps("displacement_mm")
+    error_mm = log.column_with_gaps("setpoint_mm") - measured_mm(log)
     is_scored = log.column("time_s") >= scored_from_s(log)
     return np.where(is_scored, 100.0 * error_mm / travel_mm(wire_of(log).model).stroke_mm, nan)

@@ -117,7 +117,7 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
         case ServoRequest(servo_id=servo_id, log_file=log_file, wire=wire):
             servo = LoopServo(rig, wire, servo_id, link, is_virtual=_is_virtual(rig))
             watch = servo.watched(link.watch)
-            return _counts(drive(log_file, rig, servo, NAME, wire, watch, servo.stop_requested))
+            return _counts(drive(log_file, rig, servo, NAME, wire, watch, servo.stop_requested, servo.trusts_sensor))
         case CoolDownRequest(duration_s=duration_s):
             with nullcontext() if _is_virtual(rig) else link.at_once():
                 return rig.cool_down(duration_s)

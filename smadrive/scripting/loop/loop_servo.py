@@ -89,6 +89,10 @@ class LoopServo:
         reference = holding_reference(wire.model, measurement, source)
         self._swappable = SwappableController(self._controller(reference), reference, lambda: None)
 
+    def trusts_sensor(self) -> bool:
+        """Return False while the displacement sensor gives wrong readings."""
+        return self._swappable.trusts_sensor()
+
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Return the command for the coming period."""
         return self._swappable.update(time_s, measurement, dt_s)

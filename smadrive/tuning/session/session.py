@@ -179,7 +179,8 @@ class TuningSession:
                 self._state.report(f"not adapted: {impossible}")
             else:
                 self._adaptation.switch(True, tuning)
-        checks = WireChecks(self._wire.wire_model(tuning.model), self._expected, self.tunings.trust_resistance)
+        wire, trust_resistance = self._wire.wire_model(tuning.model), self.tunings.trust_resistance
+        checks = WireChecks(wire, self._expected, trust_resistance, live.trusts_sensor)
         self._rig.drive(live, self._wire.balance, self._take, checks, self._stop_requested)
 
     def _fail(self, error: SmadriveError) -> None:

@@ -17,6 +17,7 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import read_reference, track
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.metrics.tracking_error import error_percent
 from smadrive.runs.replay import replay
 from smadrive.runs.run_log import BY_RESISTANCE
 from smadrive.runs.tracking_plan import plan_tracking
@@ -33,13 +34,13 @@ WIRE = IdentifiedWire(MODEL, BALANCE, resistance=RESISTANCE)
 REFERENCE = "sine:low_mm=3,high_mm=8,period_s=20,cycles=1"
 
 
-def recorded(log_file, chosen, at_tick=lambda _bench, _tick: None):
+def recorded(log_file, chosen, at_tick=lambda _bench, _tick: None, reference=REFERENCE):
     device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=4)
     clock = VirtualClock()
     clock.follow(device.bench.advance_to)
     with Rig(load_rig("in-process"), transports={"board": device.transport(clock)}) as rig:
         plan = plan_tracking(
-            rig, read_reference(REFERENCE), WIRE, smooth=True, smooth_option="--smooth", displacement_from=chosen
+            rig, read_reference(reference), WIRE, smooth=True, smooth_option="--smooth", displacement_from=chosen
         )
 
         @contextmanager
@@ -77,7 +78,23 @@ def test_slipped_sensor_is_replaced_with_a_warning(tmp_path):
     late = log.column("time_s") > 20.0
     error_mm = log.column("setpoint_mm") - (log.column("displacement_mm") - 1.5)
     assert np.abs(error_mm[late]).max() < 0.02 * 12.0
+    assert np.isnan(error_percent(log)[late]).all()
     assert replay(log).exact
+
+
+@pytest.mark.exhaustive
+def test_run_goes_on_by_resistance_although_the_stuck_sensor_becomes_impossible(tmp_path):
+    """The sensor shows the displacement of a hot wire while the wire is cold. It was found to be wrong before."""
+
+    def stick(bench, tick):
+        if 40.0 < tick.time_s < 40.1:
+            bench.sensors.faults.stick_displacement()
+
+    reference = "sine:low_mm=0.01,high_mm=8,period_s=60,cycles=1"
+    log = recorded(tmp_path / "run.h5", DisplacementFrom.SENSOR, stick, reference)
+    assert log.column("time_s")[-1] > 69.0
+    assert log.column("temperature_c")[-1] < 62.0
+    assert log.column("displacement_mm")[-1] > 7.0
 
 
 def test_wire_without_resistance_is_refused(tmp_path):

@@ -6,6 +6,7 @@ import pytest
 from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.control.feedforward.displacement import (
     BEYOND_C,
+    COLD_END,
     COLDER_C,
     MOST_K,
     WAITING_RANGE_C,
@@ -16,6 +17,7 @@ from smadrive.control.feedforward.static_map import StaticMap
 from smadrive.errors import DataError
 from smadrive.hysteresis import DuhemModel, InverseFeedforward, TriangularSets, TSFuzzyDuhem
 from smadrive.hysteresis.reversal import Play
+from smadrive.wire.branch_temperatures import BranchTemperatures
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel, WireState, travel_mm
 
@@ -88,8 +90,23 @@ def test_wire_that_reverses_does_not_change_its_mind(model):
 def test_waiting_where_the_branch_is_flat_is_bounded():
     state = LOOP.initial_state(120.0)
     held = HysteresisInverse(LOOP).target(state, state.y - 1e-7, direction=1)
-    assert 118.0 < held.temperature_c <= 120.0 - WAITING_RANGE_C
+    end = LOOP.offset + (1.0 - COLD_END) * LOOP.scale
+    assert held.temperature_c == pytest.approx(BranchTemperatures(LOOP).heating_c(end) - WAITING_RANGE_C, abs=0.5)
     assert held.k_per_mm == 0.0
+
+
+@pytest.mark.parametrize(("start_c", "direction"), [(120.0, 1), (120.0, -1), (30.0, -1)])
+def test_waiting_at_an_end_of_the_travel_does_not_drift(start_c, direction):
+    """The wire follows its target again and again; the target stays where it is."""
+    inverse, state = HysteresisInverse(LOOP), LOOP.initial_state(start_c)
+    setpoint = state.y - direction * 0.004 * LOOP.scale
+    targets_c = []
+    for _ in range(100):
+        target = inverse.target(state, setpoint, direction)
+        targets_c.append(target.temperature_c)
+        state = LOOP.step(state, target.temperature_c)
+    assert not target.reachable
+    assert max(targets_c[1:]) - min(targets_c[1:]) < 0.01
 
 
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
@@ -98,7 +115,7 @@ def test_noise_of_the_estimate_does_not_heat_a_wire_with_a_cold_setpoint(model):
     for share in (-0.003, -0.001, 0.0, 0.001, 0.003):
         state = model.initial_state(22.0, cold_mm + share * model.scale)
         held = inverse.target(state, cold_mm + 0.002 * model.scale, direction=1)
-        assert held == (model.input_range[0] - COLDER_C, 0.0, cold_mm)
+        assert held[:3] == (model.input_range[0] - COLDER_C, 0.0, cold_mm)
     assert inverse.target(state, cold_mm + 0.01 * model.scale, direction=1).temperature_c > 50.0
     cold = model.initial_state(22.0, cold_mm - 0.001 * model.scale)
     leaving = inverse.target(cold, cold_mm + 0.002 * model.scale, direction=1, rate_mm_per_s=0.01 * model.scale)

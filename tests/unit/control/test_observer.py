@@ -198,8 +198,24 @@ def test_displacement_of_a_disturbed_wire_is_followed_where_the_model_does_not_m
     state = LOOP.step(state, 82.0)
     estimate = observer.start(82.0, state.y)._replace(evidence=DisturbanceEvidence(level=1.0), play=Play(82.0, 1))
     for _ in range(2):
-        estimate = observer.update(estimate, 82.0, state.y - 1.0, TRUE.power_w(82.0, 0.0, 0.0), DT_S, 0.12)
+        estimate = observer.update(
+            estimate, 82.0, state.y - 1.0, TRUE.power_w(82.0, 0.0, 0.0), DT_S, 0.12, by_sensor=False
+        )
     assert estimate.hysteresis.y < state.y - 0.65
+
+
+@pytest.mark.parametrize("noise_mm", [0.006, 0.12])
+def test_draft_has_a_bound_by_resistance_however_small_its_noise(noise_mm):
+    """A bead that has come off looks like a draft, and the resistance cannot exclude that."""
+    resistance = WireResistance(22.0, 16.5, 0.01, 0.04, 0.01, 0.01, 0.0, (0.0, 80.0, 160.0), (14.0,) * 3)
+    observer, state = WireObserver(WireModel(LOOP, TRUE, resistance), DT_S, 0.1, 0.012), LOOP.initial_state(88.0)
+    found = []
+    for by_sensor in (True, False):
+        estimate = observer.start(88.0, state.y)._replace(disturbance_w=-3.0)
+        power_w = TRUE.power_w(88.0, 0.0, 0.0) + 3.0
+        found.append(observer.update(estimate, 88.0, state.y, power_w, DT_S, noise_mm, by_sensor=by_sensor))
+    assert observer.cooling(found[0]) > 2.5
+    assert observer.cooling(found[1]) < 2.0
 
 
 def test_observer_continues_from_the_estimate_of_another():

@@ -39,9 +39,9 @@ def at(reference, time_s, model=LOOP):
 
 def leaves_s(reference, model=LOOP):
     """Return the time at which the wire leaves the heating branch."""
-    preview = ReversalPreview(WireModel(model, BALANCE))
+    preview = ReversalPreview(WireModel(model, BALANCE), 0.02)
     for time_s in np.arange(8.0, PEAK_S + 0.01, 0.02).tolist():
-        if turn := preview.update(at(reference, time_s, model), reference, time_s, 1, LIMIT_W):
+        if turn := preview.update(at(reference, time_s, model), reference, time_s, 1, (0.0, LIMIT_W)):
             return time_s, turn
     return None
 
@@ -80,8 +80,8 @@ def test_displacement_that_falls_on_heating_reverses_at_the_same_time():
 
 def test_no_reversal_begins_far_from_the_peak():
     reference = peak()
-    preview = ReversalPreview(WireModel(LOOP, BALANCE))
-    assert preview.update(at(reference, 5.0), reference, 5.0, 1, LIMIT_W) is None
+    preview = ReversalPreview(WireModel(LOOP, BALANCE), 0.02)
+    assert preview.update(at(reference, 5.0), reference, 5.0, 1, (0.0, LIMIT_W)) is None
 
 
 def test_reversal_is_over_at_or_beyond_the_meeting_point():

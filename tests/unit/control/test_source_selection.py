@@ -8,8 +8,9 @@ import pytest
 from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.controllers.tracking_feedback import TrackingSettings
 from smadrive.control.estimation.lead import LeadChange
+from smadrive.control.estimation.observer import WireObserver
 from smadrive.control.estimation.resistance_sensor import ResistanceSensor
-from smadrive.control.estimation.source_selection import SourceSelection
+from smadrive.control.estimation.source_selection import SourceSelection, SourceState
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel
@@ -137,7 +138,7 @@ def test_implausible_sensor_is_replaced(sensor):
 @pytest.mark.parametrize("between", [DisplacementFrom.RESISTANCE, DisplacementFrom.NONE])
 def test_failed_sensor_stays_failed_when_another_source_was_chosen_meanwhile(between):
     first, second, third = (
-        SourceSelection(chosen, ResistanceSensor(WIRE, RESISTANCE), 0.01, STROKE_MM)
+        SourceSelection(chosen, ResistanceSensor(WIRE, RESISTANCE, DT_S), 0.01, STROKE_MM, DT_S)
         for chosen in (DisplacementFrom.SENSOR, between, DisplacementFrom.SENSOR)
     )
     failed = first.start()._replace(failed=True, has_sensor=True, is_replaced=True)
@@ -195,17 +196,45 @@ def test_right_sensor_stays_in_use():
 def test_lead_estimate_is_unchanged_or_measured(change_ohm, samples):
     noise, lead = np.random.default_rng(1), LeadChange.unknown(16.5)
     for _ in range(samples):
-        lead = lead.later(16.5, DT_S).measured(change_ohm + noise.normal(0.0, 0.02), 0.02**2, 1e-6)
-    ohm, variance = lead.estimate()
+        lead = lead.later(16.5, DT_S).measured(change_ohm + noise.normal(0.0, 0.02), 0.02**2)
+    ohm, variance = lead.estimate(1e-6)
     assert abs(ohm - change_ohm) < 0.006
     assert 0.0 < variance < inf
 
 
+def test_lead_estimate_does_not_follow_a_sensor_that_slides():
+    lead = LeadChange.unknown(16.5)
+    for n in range(1400):
+        lead = lead.later(16.5, DT_S).measured(0.0 if n < 1200 else 0.1, 0.013**2)
+    assert abs(lead.mean_ohm) < 0.02
+
+
+def test_wire_is_cold_only_below_the_temperatures_of_a_smaller_load():
+    sensor = ResistanceSensor(WIRE, RESISTANCE, DT_S)
+    estimate = WireObserver(WIRE, DT_S, 0.1, 0.012).start(sensor.cold_c - 1.0, nan)
+    assert sensor.is_cold(estimate)
+    assert not sensor.is_cold(estimate._replace(shift_c=-8.0))
+    assert sensor.is_cold(estimate._replace(shift_c=8.0))
+
+
+@pytest.mark.parametrize(
+    ("state", "is_wrong"),
+    [
+        ({}, False),
+        ({"has_sensor": True, "is_replaced": True}, False),
+        ({"has_sensor": True, "is_replaced": True, "valid_ticks": 21}, True),
+        ({"has_sensor": True, "failed": True}, True),
+    ],
+)
+def test_sensor_is_wrong_that_has_failed_or_does_not_agree_after_a_gap(state, is_wrong):
+    assert SourceState(LeadChange.unknown(16.5), **state).is_sensor_wrong is is_wrong
+
+
 def test_sense_current_flows_after_a_tick_without_a_displacement():
-    sensor = ResistanceSensor(WIRE, RESISTANCE)
+    sensor = ResistanceSensor(WIRE, RESISTANCE, DT_S)
     floors_a = {}
     for chosen in DisplacementFrom:
-        selection = SourceSelection(chosen, sensor, 0.012, STROKE_MM)
+        selection = SourceSelection(chosen, sensor, 0.012, STROKE_MM, DT_S)
         assert selection.start().source is DisplacementFrom.NONE
         floors_a[chosen] = selection.floor_a(selection.start())
     assert floors_a[DisplacementFrom.RESISTANCE] == sensor.floor_a > 0.0

@@ -310,18 +310,22 @@ def test_sensor_without_its_zero_prevents_arming(band):
     assert error.value.cure == Fault.DISPLACEMENT_IMPLAUSIBLE.remedy
 
 
-def in_a_draft(displacement_mm, temperature_c=80.0):
-    """Return the fault of a wire that is held at 80 °C in a draft of 2.5 times the identified convection."""
+def in_a_draft(displacement_mm, temperature_c=80.0, missing=(), **options):
+    """Return the fault of a wire that is held at 80 °C in a draft of 2.5 times the identified convection.
+
+    The displacement is `missing` in the samples of these numbers.
+    """
     balance = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
     model = DuhemModel.gaussian(
         mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 140)
     )
-    supervisor = Supervisor(LIMITS, TemperatureBand(balance, IDENTIFIED, 0.5), DisplacementBand(model))
+    supervisor = Supervisor(LIMITS, TemperatureBand(balance, IDENTIFIED, 0.5), DisplacementBand(model), **options)
     supervisor.check_may_arm(sample(temperature_c=22.0, current_a=0.0, in_force_a=0.0, displacement_mm=0.0))
     current_a = 2.5 * 0.012 * 58.0 / 3.3
     for n in range(400):
         reading_c = min(22.0 + n, temperature_c + 0.01 * (n % 2))
-        one = sample(n, reading_c, current_a, current_a, displacement_mm=displacement_mm if n > 40 else 0.0)
+        shown_mm = nan if n in missing else displacement_mm if n > 40 else 0.0
+        one = sample(n, reading_c, current_a, current_a, displacement_mm=shown_mm)
         if trip := supervisor.update(one, nan):
             return trip.fault
     return None
@@ -340,6 +344,16 @@ def test_hot_wire_that_cools_while_a_slow_supply_is_armed_does_not_trip():
 def test_displacement_proves_that_a_wire_in_a_draft_is_not_too_hot():
     assert in_a_draft(6.0) is None
     assert in_a_draft(nan) is Fault.READS_TOO_COLD
+
+
+def test_missing_displacement_neither_confirms_nor_ends_a_fault_by_the_heat_input():
+    assert in_a_draft(6.0, missing={200}) is None
+
+
+def test_displacement_of_a_sensor_that_is_not_trusted_counts_as_not_measured(band):
+    assert in_a_draft(6.0, trusts_sensor=lambda: False) is Fault.READS_TOO_COLD
+    supervisor = Supervisor(LIMITS, displacement_band=band, trusts_sensor=lambda: False)
+    assert not any(supervisor.update(sample(n, temperature_c=80.0, displacement_mm=999.0), nan) for n in range(100))
 
 
 def test_displacement_of_a_wire_that_may_be_too_hot_proves_nothing():

@@ -6,13 +6,12 @@ import pytest
 
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
-from smadrive.rig.supervision import always
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import IDENTIFIED, UNBOUNDED, TemperatureBand
-from smadrive.safety.temperature_by_resistance import TemperatureByResistance
+from smadrive.safety.temperature_by_resistance import TemperatureByResistance, always
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
@@ -29,8 +28,8 @@ HOTTEST_C = 150.0
 LIMITS = SafetyLimits(temperature_max_c=MOST_C, stale_after_s=0.3, current_tolerance_a=0.05, contradicts_for_s=2.0)
 
 
-def by_resistance(is_used=always):
-    return TemperatureByResistance(WIRE, RESISTANCE, DisplacementBand(MODEL), MOST_C, 0.5, is_used)
+def by_resistance(is_used=always, current_max_a=0.5):
+    return TemperatureByResistance(WIRE, RESISTANCE, DisplacementBand(MODEL), MOST_C, current_max_a, is_used)
 
 
 def sample(wire_c, phase, n=0, reading_c=None, current_a=0.3, displacement_mm=nan):
@@ -88,6 +87,15 @@ def test_sample_with_a_small_current_or_without_a_voltage_keeps_the_last_result(
     assert judged.excludes_limit(HOTTEST_C)
     for n in range(60, 70):
         judged.update(sample(MOST_C, 1.0, n))
+    assert not judged.excludes_limit(HOTTEST_C)
+
+
+def test_current_that_can_heat_the_wire_to_the_limit_is_large_enough_whatever_the_supply_can_give():
+    judged = by_resistance(current_max_a=5.0)
+    for n in range(10):
+        judged.update(sample(85.0, 0.2, n))
+    for n in range(10, 60):
+        judged.update(sample(MOST_C, 1.0, n, current_a=0.2))
     assert not judged.excludes_limit(HOTTEST_C)
 
 

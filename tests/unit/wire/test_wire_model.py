@@ -91,6 +91,12 @@ def test_model_that_uses_a_part_of_its_state_takes_the_same_heat():
         state = WireState(60.0, model.initial_state(60.0))
         for _ in range(40):
             state = wire.step(state, 1.4, 0.05)
-        states.append((state.temperature_c, wire.phase(state.hysteresis), wire.resistance_ohm(state.hysteresis)))
+        states.append(
+            (
+                state.temperature_c,
+                wire.phase(state.hysteresis),
+                wire.resistance_ohm(state.hysteresis, state.temperature_c),
+            )
+        )
     assert 0.2 < states[0][1] < 0.9
     assert states[1] == pytest.approx(states[0], rel=1e-6)
