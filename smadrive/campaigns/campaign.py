@@ -32,13 +32,17 @@ Step = Callable[[str], None]
 
 
 class CampaignResult(NamedTuple):
-    """A finished campaign: its table with file and digest, the page, and the logs of the worst runs by number."""
+    """A finished campaign: its table with file and digest, the page, and the logs of the worst runs by number.
+
+    `not_final` is the number of failed runs that `--resume` repeats.
+    """
 
     table: DataFrame
     table_file: Path
     digest: str
     report_file: Path
     logs: dict[int, Path]
+    not_final: int
 
 
 def check_plan(plan: CampaignPlan) -> None:
@@ -70,7 +74,7 @@ def conduct(
     logs = write_worst_logs(client, plan, table, journal.folder / LOGS)
     step("report")
     write_campaign_report(journal.folder / PAGE, plan, table, digest, logs)
-    return CampaignResult(table, table_file, digest, journal.folder / PAGE, logs)
+    return CampaignResult(table, table_file, digest, journal.folder / PAGE, logs, journal.not_final)
 
 
 def write_worst_logs(client: Client, plan: CampaignPlan, table: DataFrame, folder: Path) -> dict[int, Path]:

@@ -18,7 +18,7 @@ from smadrive.cli.views.campaign_view import (
     print_summary,
     result_object,
 )
-from smadrive.errors import ConfigError
+from smadrive.errors import ConfigError, TransportError
 from smadrive.files.extras import check_extra
 
 if TYPE_CHECKING:
@@ -86,6 +86,9 @@ def _conduct(
     output.result(result_object(plan, result))
     if (result.table["status"] == "failed").all():
         first = str(result.table["error"].iloc[0])
+        if result.not_final == plan.count:
+            cure = "repair the workers, and go on with --resume"
+            raise TransportError("every run failed", where="workers", value=first, cure=cure)
         raise ConfigError("every run failed", where=campaign, value=first, cure="correct the campaign file")
 
 
@@ -99,7 +102,7 @@ def _resumable(journal: Journal, count: int, campaign: str) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        if journal.results:
+        if done := len(journal.results) - journal.not_final:
             command = f"smadrive campaign {campaign} -o {journal.folder} --resume"
-            error.add_note(f"{len(journal.results)} of {count} runs are done; go on with `{command}`")
+            error.add_note(f"{done} of {count} runs are done; go on with `{command}`")
         raise

@@ -3,7 +3,7 @@
 The first line identifies the plan, and the versions of the packages that compute the runs. Each further line is a JSON
 object with the number of a run, its row and its effort. A line is written as soon as its run is finished. A kill can
 cut the last line, and a disk can damage any. The first damaged line and all lines after it are removed when the journal
-is opened again, and their runs are repeated.
+is opened again, and their runs are repeated. A failure that is not final has no line, so its run is repeated, too.
 """
 
 from __future__ import annotations
@@ -75,11 +75,20 @@ class Journal:
         self._file.close()
 
     def add(self, number: int, result: RunResult) -> None:
-        """Add the result of a run to `results` and to the file. DataError when the file cannot be written."""
-        self._write({"run": number, "row": result.row, "effort": result.effort._asdict()})
+        """Add the result of a run to `results` and, if it is final, to the file.
+
+        DataError when the file cannot be written.
+        """
+        if result.is_final:
+            self._write({"run": number, "row": result.row, "effort": result.effort._asdict()})
         self.results[number] = result
         if time.monotonic() - self._synced_s > SYNCED_S:
             self._sync()
+
+    @property
+    def not_final(self) -> int:
+        """The number of runs in `results` that `--resume` repeats."""
+        return sum(not result.is_final for result in self.results.values())
 
     def _open(self) -> FileIO:
         path = self.folder / JOURNAL

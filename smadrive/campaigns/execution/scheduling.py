@@ -105,12 +105,14 @@ def naming_a_lost_scheduler() -> Iterator[None]:
 
 
 def _result_of(future: Future[RunResult]) -> RunResult:
-    """Return the result of a run. If too many workers died while they executed the run, the run has failed."""
+    """Return the result of a run. An error that Dask reports in its place is a failure that is not final."""
+    from distributed.scheduler import KilledWorker  # noqa: PLC0415 (a command that needs no cluster must start at once)
+
     if future.status in ("cancelled", "lost"):
         raise CancelledError
     error: Any = future.exception() if future.status == "error" else None
     if error is None:
         return future.result()
-    return RunResult(
-        outcome_row("failed", error, "the workers of this run died"), Effort("", 0.0, 0.0, 0.0, "", str(error))
-    )
+    text = "the workers that executed this run died" if isinstance(error, KilledWorker) else str(error)
+    effort = Effort("", 0.0, 0.0, 0.0, "", str(error))
+    return RunResult(outcome_row("failed", error, text), effort, is_final=False)

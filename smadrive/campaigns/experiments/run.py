@@ -1,6 +1,8 @@
 """The tasks of a campaign: identify the wire of a run, execute a run. A failed run is a row with its error.
 
-The result of a task depends on its arguments alone, so a task may be repeated on another worker.
+The result of a task depends on its arguments alone, so a task may be repeated on another worker. A failure is final if
+its error comes from the run: each repetition would fail in the same way. Any other failure, such as too little memory,
+says nothing about the run.
 """
 
 from __future__ import annotations
@@ -26,16 +28,20 @@ from smadrive.campaigns.experiments.identification import (
 from smadrive.campaigns.experiments.simulated_rig import simulated_wire, wire_row
 from smadrive.campaigns.experiments.tracking import tracking_row
 from smadrive.campaigns.plan.documents import RunDocuments
-from smadrive.campaigns.plan.plan import PlannedRun
+from smadrive.campaigns.plan.plan import PlannedRun, files_of
 from smadrive.errors import SmadriveError
 
 
-class FailedIdentification(NamedTuple):
-    """A failed identification. Every run that needs it fails with its error: `outcome` belongs to their rows."""
+class RunFailure(NamedTuple):
+    """A failed identification or run: the columns `STATE` of its row, and the traceback of an unexpected error, or "".
+
+    `cpu_s` is the processor time of a failed identification.
+    """
 
     outcome: Row
     trace: str
-    cpu_s: float
+    is_final: bool
+    cpu_s: float = 0.0
 
 
 class Effort(NamedTuple):
@@ -58,10 +64,11 @@ class Effort(NamedTuple):
 
 
 class RunResult(NamedTuple):
-    """The row of a run without its axes, and its effort."""
+    """The row of a run without its axes, and its effort. Without `is_final`, `--resume` repeats the run."""
 
     row: Row
     effort: Effort
+    is_final: bool = True
 
 
 def needs_identification(run: PlannedRun) -> bool:
@@ -81,7 +88,7 @@ def _documents_text(documents: RunDocuments) -> str:
     return repr(documents)
 
 
-def identify(run: PlannedRun) -> WireKnowledge | FailedIdentification:
+def identify(run: PlannedRun) -> WireKnowledge | RunFailure:
     """Excite and identify the wire of a run.
 
     An error is returned as a result: every run that needs this wire fails with it.
@@ -90,14 +97,13 @@ def identify(run: PlannedRun) -> WireKnowledge | FailedIdentification:
     try:
         return excited_wire(run)._replace(cpu_s=time.thread_time() - began_s)
     except Exception as error:  # noqa: BLE001 (a defect in one run must not end the campaign)
-        trace = traceback.format_exc()
-        return FailedIdentification(outcome_row("failed", error), trace, time.thread_time() - began_s)
+        return _failure(run, error)._replace(cpu_s=time.thread_time() - began_s)
 
 
-def execute(run: PlannedRun, knowledge: WireKnowledge | FailedIdentification | None = None) -> RunResult:
+def execute(run: PlannedRun, knowledge: WireKnowledge | RunFailure | None = None) -> RunResult:
     """Execute a run and return its row. `knowledge` is the result of `identify` if the run needs one."""
     began, clock_s, cpu_s = datetime.now(UTC), time.monotonic(), time.thread_time()
-    row, trace = _row_or_error(run, knowledge)
+    row, trace, is_final = _outcome(run, knowledge)
     effort = Effort(
         began.isoformat(timespec="milliseconds"),
         time.monotonic() - clock_s,
@@ -106,7 +112,7 @@ def execute(run: PlannedRun, knowledge: WireKnowledge | FailedIdentification | N
         f"{os.uname().nodename}:{os.getpid()}",
         trace,
     )
-    return RunResult(row, effort)
+    return RunResult(row, effort, is_final)
 
 
 def logged_run(run: PlannedRun) -> bytes:
@@ -117,14 +123,27 @@ def logged_run(run: PlannedRun) -> bytes:
         return log_file.read_bytes()
 
 
-def _row_or_error(run: PlannedRun, knowledge: WireKnowledge | FailedIdentification | None) -> tuple[Row, str]:
-    if isinstance(knowledge, FailedIdentification):
-        return {**_wire_row_if_simulated(run), **knowledge.outcome}, knowledge.trace
-    try:
-        return _row(run, knowledge), ""
-    except Exception as error:  # noqa: BLE001 (a defect in one run must not end the campaign)
-        trace = "" if isinstance(error, SmadriveError) else traceback.format_exc()
-        return {**_wire_row_if_simulated(run), **outcome_row("failed", error)}, trace
+def _outcome(run: PlannedRun, knowledge: WireKnowledge | RunFailure | None) -> tuple[Row, str, bool]:
+    """Return the row of a run, the traceback of an unexpected error, and True if the result is final."""
+    if isinstance(knowledge, RunFailure):
+        failure = knowledge
+    else:
+        try:
+            return _row(run, knowledge), "", True
+        except Exception as error:  # noqa: BLE001 (a defect in one run must not end the campaign)
+            failure = _failure(run, error)
+    return {**_wire_row_if_simulated(run), **failure.outcome}, failure.trace, failure.is_final
+
+
+def _failure(run: PlannedRun, error: Exception) -> RunFailure:
+    """Return the failure of a run by `error`, the exception that is handled now.
+
+    If this machine cannot read a file of the run, the error is not that of the run: the command has read all files, so
+    a shared disk may be missing here.
+    """
+    is_expected = isinstance(error, SmadriveError)
+    is_final = is_expected and all(os.access(path, os.R_OK) for path in files_of(run))
+    return RunFailure(outcome_row("failed", error), "" if is_expected else traceback.format_exc(), is_final)
 
 
 def _row(run: PlannedRun, knowledge: WireKnowledge | None) -> Row:

@@ -122,7 +122,7 @@ class CampaignPlan:
         files: dict[Path, None] = {}
         for run in self.sample():
             digest.update(repr((run.levels, run.documents)).encode())
-            files |= dict.fromkeys(_files_of(run))
+            files |= dict.fromkeys(files_of(run))
         for file in files:
             digest.update(_content_digest(file))
         return digest.hexdigest()
@@ -149,6 +149,12 @@ def load_plan(name: str) -> CampaignPlan:
     return CampaignPlan(
         path, path.read_text(encoding="utf-8-sig"), config, axes_of(config.vary, config.seed, path.parent)
     )
+
+
+def files_of(run: PlannedRun) -> list[Path]:
+    """Return the model, the record and the reference file that the run names."""
+    named = (run.settings.model, run.settings.record, run.reference.file if run.reference else None)
+    return [Path(name) for name in named if name is not None]
 
 
 def check_complete(settings: RunSettings) -> None:
@@ -194,11 +200,6 @@ def _with_paths(settings: RunSettings, folder: Path) -> RunSettings:
     """Return the settings with absolute paths of model and record, because a worker has another working folder."""
     paths = {key: str(folder / value) for key in ("model", "record") if (value := getattr(settings, key)) is not None}
     return settings.model_copy(update=paths)
-
-
-def _files_of(run: PlannedRun) -> list[Path]:
-    named = (run.settings.model, run.settings.record, run.reference.file if run.reference else None)
-    return [Path(name) for name in named if name is not None]
 
 
 def _content_digest(path: Path) -> bytes:

@@ -92,12 +92,15 @@ def print_summary(output: Output, plan: CampaignPlan, result: CampaignResult) ->
 
 
 def _failures(result: CampaignResult) -> list[str]:
-    """Return a warning with the number of failed runs and the first error; an empty list if no run failed."""
+    """Return the warnings: how many runs failed, with the first error, and how many of them --resume repeats."""
     failed = result.table[result.table["status"] == "failed"]
     if failed.empty:
         return []
     first = failed.iloc[0]
-    return [f"{len(failed)} of {len(result.table)} runs failed, the first is run {first['run']}: {first['error']}"]
+    lines = [f"{len(failed)} of {len(result.table)} runs failed, the first is run {first['run']}: {first['error']}"]
+    if result.not_final:
+        lines.append(f"{result.not_final} of the failures say nothing about their runs; --resume repeats these runs")
+    return lines
 
 
 def result_object(plan: CampaignPlan, result: CampaignResult) -> dict[str, Any]:

@@ -1,0 +1,161 @@
+"""The journal of a campaign: kills, damage, full disks, and commands that may not use the folder."""
+
+import resource
+import signal
+from importlib.metadata import version
+
+import pytest
+
+from smadrive.campaigns.execution.journal import JOURNAL, Journal
+from smadrive.campaigns.experiments.run import Effort, RunResult
+from smadrive.errors import DataError
+from smadrive.files.checked_line import checked_line, fields_of_line
+
+RESULT = RunResult({"rms_percent": 0.1 + 0.2, "max_percent": float("nan")}, Effort("", 1.0, 1.0, 0.0, "host:1"))
+
+
+def test_an_interrupted_journal_goes_on(short_campaign, tmp_path):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(1, RESULT)
+        journal.add(0, RESULT)
+    path = folder / JOURNAL
+    path.write_bytes(path.read_bytes()[:-7])  # the last line is cut, as by a kill
+    with Journal(folder, plan, resume=True) as journal:
+        assert list(journal.results) == [1]
+        assert repr(journal.results[1]) == repr(RESULT)
+        journal.add(0, RESULT)
+    with Journal(folder, plan, resume=True) as journal:
+        assert sorted(journal.results) == [0, 1]
+
+
+DAMAGED = [
+    b"\0" * 200 + b"\n",
+    b'{"run": 3, "row"',
+    b"\xff\xfe\n",
+    b"[1]\n",
+    b"[" * 200_000 + b"\n",
+    b'{"run": 1, "row": {}, "effort": {}}\n',
+]
+
+
+@pytest.mark.parametrize("damaged", DAMAGED)
+def test_damaged_end_of_a_journal_is_repeated(short_campaign, tmp_path, damaged):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(0, RESULT)
+    whole = (folder / JOURNAL).read_bytes()
+    (folder / JOURNAL).write_bytes(whole + damaged)
+    with Journal(folder, plan, resume=True) as journal:
+        assert list(journal.results) == [0]
+    assert (folder / JOURNAL).read_bytes() == whole
+
+
+def test_changed_digit_of_a_journal_is_damage(short_campaign, tmp_path):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(0, RESULT)
+        first = (folder / JOURNAL).read_bytes()
+        journal.add(1, RESULT)
+    second = (folder / JOURNAL).read_bytes().removeprefix(first)
+    (folder / JOURNAL).write_bytes(first + second.replace(b'"run": 1', b'"run": 2'))
+    with Journal(folder, plan, resume=True) as journal:
+        assert list(journal.results) == [0]
+
+
+@pytest.mark.parametrize("damaged", [lambda _line: b"\0\0\n", lambda line: line[:-1]])
+def test_damaged_first_line_is_named(short_campaign, tmp_path, damaged):
+    plan = short_campaign()
+    with Journal(tmp_path / "whole", plan, resume=False) as journal:
+        journal.add(0, RESULT)
+    (tmp_path / JOURNAL).write_bytes(damaged((tmp_path / "whole" / JOURNAL).read_bytes().splitlines(keepends=True)[0]))
+    with pytest.raises(DataError) as caught, Journal(tmp_path, plan, resume=True):
+        pass
+    assert caught.value.where == str(tmp_path / JOURNAL)
+
+
+def test_run_that_a_full_disk_lost_is_not_done(short_campaign, tmp_path):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    try:
+        with Journal(folder, plan, resume=False) as journal:
+            journal.add(0, RESULT)
+            resource.setrlimit(resource.RLIMIT_FSIZE, ((folder / JOURNAL).stat().st_size + 20, hard))
+            with pytest.raises(DataError):
+                journal.add(1, RESULT)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, before)
+    assert list(journal.results) == [0]
+    with Journal(folder, plan, resume=True) as journal:
+        assert list(journal.results) == [0]
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_two_commands_cannot_use_one_folder(short_campaign, tmp_path, resume):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(0, RESULT)
+        with pytest.raises(DataError) as caught, Journal(folder, plan, resume=resume):
+            pass
+        assert caught.value.where == str(folder)
+        journal.add(1, RESULT)
+    with Journal(folder, plan, resume=True) as journal:
+        assert sorted(journal.results) == [0, 1]
+
+
+def test_another_campaign_does_not_go_on_in_the_folder(short_campaign, tmp_path):
+    folder = tmp_path / "folder"
+    with Journal(folder, short_campaign(), resume=False) as journal:
+        journal.add(0, RESULT)
+    other = short_campaign(run="seed = 8", name="other.toml")
+    with pytest.raises(DataError) as caught, Journal(folder, other, resume=True):
+        pass
+    assert caught.value.where == str(folder)
+    with Journal(folder, short_campaign(), resume=True) as journal:
+        assert list(journal.results) == [0]
+
+
+def test_a_campaign_does_not_go_on_with_other_versions(short_campaign, tmp_path):
+    folder = tmp_path / "folder"
+    with Journal(folder, short_campaign(), resume=False) as journal:
+        journal.add(0, RESULT)
+    head, *runs = (folder / JOURNAL).read_bytes().splitlines(keepends=True)
+    fields = fields_of_line(head)
+    assert fields["versions"]["numpy"] == version("numpy")
+    fields["versions"]["numpy"] = "1.0"
+    (folder / JOURNAL).write_bytes(b"".join([checked_line(fields), *runs]))
+    with pytest.raises(DataError) as caught, Journal(folder, short_campaign(), resume=True):
+        pass
+    assert "numpy 1.0" in caught.value.value
+
+
+def test_a_campaign_without_a_run_leaves_nothing(short_campaign, tmp_path):
+    for _ in range(2):
+        with Journal(tmp_path / "folder", short_campaign(), resume=False):
+            pass
+    assert not (tmp_path / "folder").exists()
+
+
+def test_a_campaign_without_a_run_leaves_the_folder_of_the_user(short_campaign, tmp_path):
+    (tmp_path / "folder").mkdir()
+    with Journal(tmp_path / "folder", short_campaign(), resume=False):
+        pass
+    assert list((tmp_path / "folder").iterdir()) == []
+
+
+def test_resume_needs_a_campaign(short_campaign, tmp_path):
+    with pytest.raises(DataError), Journal(tmp_path / "nothing", short_campaign(), resume=True):
+        pass
+
+
+def test_failure_that_is_not_final_is_repeated(short_campaign, tmp_path):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(0, RESULT._replace(is_final=False))
+        journal.add(1, RESULT)
+        assert sorted(journal.results) == [0, 1]
+        assert journal.not_final == 1
+    with Journal(folder, plan, resume=True) as journal:
+        assert list(journal.results) == [1]
