@@ -1,15 +1,18 @@
 """Time and disk space of a campaign, estimated before it starts.
 
 The time of a run is estimated as its number of ticks times the time of one tick. The time of one tick is measured
-before the start, on the rig of the first run. A fit counts as a fixed number of ticks, and the smoothing of a reference
-as a fixed number of ticks per tick of the run; both were measured once. If the campaign only fits records, a tick
-counts as 0.3 ms.
+before the start, on the rig of the first run that can be driven; without such a run, a tick counts as `TYPICAL_TICK_S`.
+A fit counts as a fixed number of ticks, and the smoothing of a reference as a fixed number of ticks per tick of the
+run; both were measured once.
+
+A run that cannot be driven is no error here. It becomes a failed row, which the other runs do not depend on.
 """
 
 from __future__ import annotations
 
 import shutil
 import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,12 +23,15 @@ from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig
 from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.control.controllers.step import ConstantCurrentController
 from smadrive.control.references.holding import APPROACH_S
-from smadrive.errors import DataError
+from smadrive.errors import DataError, SmadriveError
 from smadrive.files.csv_table import read_table
 from smadrive.rig.controllers import excitation_path
 
 PROBE_S = 5.0
 """Length of the simulated run that measures the time of one tick, s."""
+
+TYPICAL_TICK_S = 3e-4
+"""The processor time of one tick where it cannot be measured, and for a campaign that only fits records, s."""
 
 FIT_TICKS, MEMORY_TICKS, RANDOM_TICKS = 12_000, 75_000, 25_000
 """The time of a fit, in ticks: without memory, of a Preisach wire, and the mean over wires of random kind."""
@@ -69,11 +75,11 @@ def estimated(plan: CampaignPlan, groups: list[list[int]]) -> CampaignEstimate:
     first = sampled[0]
     identifies = first.settings.experiment != "fit" and first.settings.model is None
     identifications = len(groups) if identifies else 0
-    tracking = float(np.mean([_tracking_ticks(run) for run in sampled]))
-    identifying = float(np.mean([_identification_ticks(run) for run in sampled])) if identifies else 0.0
-    per_tick_s = 0.0 if first.settings.experiment == "fit" else tick_s(first)
+    identifying = _mean(_identification_ticks, sampled) if identifies else 0.0
     if first.settings.experiment == "fit":
-        per_tick_s, tracking = 3e-4, FIT_TICKS
+        per_tick_s, tracking = TYPICAL_TICK_S, float(FIT_TICKS)
+    else:
+        per_tick_s, tracking = tick_s(sampled), _mean(_tracking_ticks, sampled)
     logged = min(plan.config.report.worst_logs, plan.count) if first.settings.experiment == "track" else 0
     ticks = len(left) * tracking + identifications * identifying + logged * (tracking + identifying)
     disk_bytes = len(left) * ROW_BYTES + logged * (tracking * TICK_BYTES + LOG_BYTES) + PAGE_BYTES
@@ -89,8 +95,20 @@ def check_disk(folder: Path, estimate: CampaignEstimate) -> None:
         raise DataError("the disk is too small", where=folder, value=value, limit=limit, cure="choose another folder")
 
 
-def tick_s(run: PlannedRun) -> float:
-    """Return the processor time of one tick of this run's rig, s. The heater stays off."""
+def tick_s(runs: Sequence[PlannedRun]) -> float:
+    """Return the processor time of one tick, s: on the rig of the first of `runs` that can be driven, if any.
+
+    The heater stays off.
+    """
+    for run in runs:
+        try:
+            return _measured_tick_s(run)
+        except SmadriveError:
+            continue
+    return TYPICAL_TICK_S
+
+
+def _measured_tick_s(run: PlannedRun) -> float:
     simulated, count = SimulatedRig(run, run.documents.sim, TRACKING), [0]
 
     def record(_tick: object) -> None:
@@ -100,6 +118,18 @@ def tick_s(run: PlannedRun) -> float:
         began_s = time.process_time()
         rig.drive(ConstantCurrentController(0.0, PROBE_S), rig.nominal_balance, record)
         return (time.process_time() - began_s) / max(count[0], 1)
+
+
+def _mean(ticks: Callable[[PlannedRun], float], runs: Sequence[PlannedRun]) -> float:
+    """Return the mean number of ticks. A run whose path cannot be planned has none: it fails before its first tick."""
+
+    def planned(run: PlannedRun) -> float:
+        try:
+            return ticks(run)
+        except SmadriveError:
+            return 0.0
+
+    return float(np.mean([planned(run) for run in runs]))
 
 
 def _identification_ticks(run: PlannedRun) -> float:

@@ -20,6 +20,9 @@ from smadrive.rig.config import RigConfig
 from smadrive.rig.controllers import tracking_settings
 from smadrive.wire.wire_model import Travel, WireModel, WireState, travel_mm
 
+TYPICAL_TRAVEL = Travel(cold_mm=0.0, hot_mm=10.0)
+"""The travel on which a reference is checked before the travel of its wire is identified."""
+
 
 class PlannedReference(NamedTuple):
     """The reference that a run tracks. `smoothed` is True if the wire could not follow the requested one."""
@@ -45,6 +48,11 @@ def planned_reference(config: ReferenceConfig, wire: WireModel, rig: RigConfig) 
     start = WireState(ambient_c, wire.model.initial_state(ambient_c))
     simulated = simulate_run(path, wire, HysteresisInverse(wire.model), tracking_settings(rig), start)
     return PlannedReference(simulated.nearest, not simulated.feasible)
+
+
+def check_reference(config: ReferenceConfig) -> None:
+    """Raise ConfigError, or DataError, if no wire can have this reference: its shape or its table is malformed."""
+    _requested(config, TYPICAL_TRAVEL)
 
 
 def _requested(config: ReferenceConfig, travel: Travel) -> Reference:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from smadrive.campaigns.execution.estimate import check_disk, estimated
+from smadrive.campaigns.execution.estimate import TYPICAL_TICK_S, check_disk, estimated, tick_s
 from smadrive.campaigns.execution.scheduling import groups_of
 from smadrive.errors import DataError
 
@@ -28,6 +28,38 @@ def test_a_shape_may_have_blanks(short_campaign):
     plans = [short_campaign(vary=vary, more=f'[references.sine]\nshape = "{shape}"\n') for shape in shapes]
     of_shape = [estimate_of(plan) for plan in plans]
     assert of_shape[0].disk_bytes == of_shape[1].disk_bytes
+
+
+TOO_FAST = """
+[[vary]]
+rig.rate_hz = {rates}
+"""
+SUPPLY = 'rig.file = "bench-supply"'
+
+
+@pytest.mark.parametrize("rates", ["[50.0, 4.0]", "[4.0, 50.0]"])
+def test_run_that_cannot_be_driven_does_not_end_the_campaign(short_campaign, rates):
+    """At 50 Hz, the supply is too slow."""
+    plan = short_campaign(run=SUPPLY, vary=TOO_FAST.format(rates=rates))
+    assert estimate_of(plan).core_s > 0.0
+
+
+def test_rest_of_runs_that_cannot_be_driven_counts_with_a_typical_tick(short_campaign):
+    plan = short_campaign(run=SUPPLY, vary=TOO_FAST.format(rates="[50.0]"))
+    assert tick_s([plan.run(0)]) == TYPICAL_TICK_S
+    assert estimate_of(plan).runs == plan.count
+
+
+def test_wire_that_is_too_hot_to_excite_does_not_end_the_campaign(short_campaign):
+    plan = short_campaign(model="", vary="[[vary]]\nsim.wire.ambient_c = [200.0, 21.0]")
+    estimate = estimate_of(plan)
+    assert (estimate.runs, estimate.identifications) == (4, 4)
+
+
+def test_reference_that_cannot_be_planned_does_not_end_the_campaign(short_campaign):
+    vary = '[[vary]]\nreference = ["up", "wrong"]\n'
+    plan = short_campaign(vary=vary, more='[references.wrong]\nshape = "sine:period=56"\n')
+    assert estimate_of(plan).core_s > 0.0
 
 
 def test_a_full_disk_is_found_before_the_start(short_campaign, tmp_path):

@@ -137,6 +137,7 @@ def test_a_grid_of_a_thousand_million_runs_is_an_error(planned):
         ("[[vary]]\nname = 'rms_percent'\nseed = [1]\n", "[[vary]]"),
         ("[[vary]]\nreference = ['sin']\n", "[run]"),
         ("[[vary]]\ndisturbance = ['draught']\n", "[run]"),
+        ("[[vary]]\nreference = ['a']\n[references.a]\nshape = 'sine:period=56'\n", "reference 'sine:period=56"),
         ("[[vary]]\nrecords = '*.h5'\n", "[[vary]] 1: records"),
         ("[run.rig]\ndevices.bord.profile = 'tclab'\n", "[run.rig] devices"),
         ("[run.fit]\nmemory = 2\n", "campaign.toml"),
