@@ -11,7 +11,7 @@ from __future__ import annotations
 import fcntl
 import os
 import time
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
@@ -39,46 +39,54 @@ class Journal:
         self.folder, self._plan, self._resume = folder, plan, resume
         self.results: dict[int, RunResult] = {}
         self._end = 0
+        self._has_begun = resume
 
     def __enter__(self) -> Self:
         """Create the journal or, with `resume`, open the journal of an earlier command.
 
         DataError when another command uses the folder; without `resume`, when the folder is not empty; with `resume`,
-        when the folder has no journal of this campaign, or other versions of the packages began it.
+        when the folder has no journal of this campaign, or other versions of the packages began it; and when the disk
+        is full. After an error, no new file is left.
         """
-        self._file = self._open()
-        try:
+        with ExitStack() as stack:
+            self._file = stack.enter_context(self._open())
             self._lock()
-            if self._resume:
-                self._read()
-            else:
+            stack.callback(self._remove_unless_begun)
+            if not (self._resume and self._read()):
                 head = {"schema": SCHEMA, "fingerprint": self._plan.fingerprint, "title": self._plan.config.title}
                 self._write({**head, "versions": versions()})
-        except BaseException:
-            self._file.close()
-            raise
+            self._sync()
+            self._on_exit = stack.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Synchronize the journal to the disk, and release the folder.
+        """Synchronize the journal to the disk, and release the folder. DataError when the disk fails.
 
-        A new journal without a run is removed, with the folder if this journal created it.
+        A new journal without a finished run is removed, with the folder if this journal created it.
         """
-        if not self.results and not self._resume:
-            (self.folder / JOURNAL).unlink()
-            if self._is_new_folder:
-                with suppress(OSError):  # another file is in the folder
-                    self.folder.rmdir()
-        self._sync()
-        self._file.close()
+        with self._on_exit:
+            try:
+                self._sync()
+            except DataError:
+                if error is None:  # otherwise the user reads the error that ended the block
+                    raise
+
+    def _remove_unless_begun(self) -> None:
+        if self._has_begun:
+            return
+        (self.folder / JOURNAL).unlink()
+        if self._is_new_folder:
+            with suppress(OSError):  # another file is in the folder
+                self.folder.rmdir()
 
     def add(self, number: int, result: RunResult) -> None:
         """Add the result of a run to `results` and, if it is final, to the file.
 
         DataError when the file cannot be written.
         """
+        self._has_begun = True
         if result.is_final:
             self._write({"run": number, "row": result.row, "effort": result.effort._asdict()})
         self.results[number] = result
@@ -94,9 +102,9 @@ class Journal:
         path = self.folder / JOURNAL
         self._is_new_folder = not self.folder.exists()
         try:
-            self.folder.mkdir(parents=True, exist_ok=True)
             if self._resume:
                 return FileIO(path, "r+")
+            self.folder.mkdir(parents=True, exist_ok=True)
             _check_empty(self.folder)
             return FileIO(path, "x")
         except FileNotFoundError:
@@ -115,10 +123,21 @@ class Journal:
             cure = "wait until it has ended, or choose another folder"
             raise DataError("another campaign writes into this folder", where=self.folder, cure=cure) from None
 
-    def _read(self) -> None:
-        """Read the finished runs, and remove the lines from the first damaged one on."""
+    def _read(self) -> bool:
+        """Read the finished runs, and remove the lines from the first damaged one on.
+
+        Return False if the first line has no end, because a kill or a full disk cut it: then no run is finished.
+        """
         head, *lines = self._file.readall().splitlines(keepends=True) or [b""]
-        self._check_head(head)
+        is_begun = head.endswith(b"\n")
+        if is_begun:
+            self._check_head(head)
+            self._read_runs(head, lines)
+        self._file.truncate(self._end)
+        self._file.seek(self._end)
+        return is_begun
+
+    def _read_runs(self, head: bytes, lines: list[bytes]) -> None:
         self._end = len(head)
         for line in lines:
             try:
@@ -127,18 +146,23 @@ class Journal:
                 break
             self.results[entry["run"]] = RunResult(entry["row"], Effort(**entry["effort"]))
             self._end += len(line)
-        self._file.truncate(self._end)
-        self._file.seek(self._end)
-        self._sync()
 
     def _check_head(self, line: bytes) -> None:
         try:
-            entry = fields_of_line(line if line.endswith(b"\n") else b"")
+            entry = fields_of_line(line)
         except ValueError:
             cure = "choose another folder"
             raise DataError(
                 "the first line of the journal is damaged", where=self.folder / JOURNAL, cure=cure
             ) from None
+        if (schema := entry.get("schema")) != SCHEMA:
+            raise DataError(
+                "another version of smadrive wrote the journal",
+                where=self.folder / JOURNAL,
+                value=f"schema {schema}",
+                limit=SCHEMA,
+                cure="go on with that version, or choose another folder without --resume",
+            )
         if entry.get("fingerprint") != self._plan.fingerprint:
             raise DataError(
                 "the folder belongs to another campaign, or a file that the campaign names has changed",
@@ -163,14 +187,19 @@ class Journal:
                 written += self._file.write(line[written:])
         except OSError as error:
             self._file.truncate(self._end)
-            cure = "make room on the disk, and go on with --resume"
-            raise DataError("cannot be written", where=self.folder, value=error.strerror, cure=cure) from None
+            raise self._unwritable(error) from None
         self._end += len(line)
-        self._synced_s = getattr(self, "_synced_s", time.monotonic())
 
     def _sync(self) -> None:
-        os.fsync(self._file.fileno())
+        try:
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise self._unwritable(error) from None
         self._synced_s = time.monotonic()
+
+    def _unwritable(self, error: OSError) -> DataError:
+        cure = f"make room on the disk, and {'go on with --resume' if self._has_begun else 'start again'}"
+        return DataError("cannot be written", where=self.folder, value=error.strerror, cure=cure)
 
 
 def _joined(packages: dict[str, str] | None) -> str:

@@ -1,12 +1,14 @@
 """The journal of a campaign: kills, damage, full disks, and commands that may not use the folder."""
 
+import os
 import resource
 import signal
+from contextlib import contextmanager
 from importlib.metadata import version
 
 import pytest
 
-from smadrive.campaigns.execution.journal import JOURNAL, Journal
+from smadrive.campaigns.execution.journal import JOURNAL, SCHEMA, Journal
 from smadrive.campaigns.experiments.run import Effort, RunResult
 from smadrive.errors import DataError
 from smadrive.files.checked_line import checked_line, fields_of_line
@@ -63,33 +65,99 @@ def test_changed_digit_of_a_journal_is_damage(short_campaign, tmp_path):
         assert list(journal.results) == [0]
 
 
-@pytest.mark.parametrize("damaged", [lambda _line: b"\0\0\n", lambda line: line[:-1]])
-def test_damaged_first_line_is_named(short_campaign, tmp_path, damaged):
-    plan = short_campaign()
-    with Journal(tmp_path / "whole", plan, resume=False) as journal:
+def head_of(plan, folder):
+    """The first line of the journal of a plan. The journal is in the new folder `folder`."""
+    with Journal(folder, plan, resume=False) as journal:
         journal.add(0, RESULT)
-    (tmp_path / JOURNAL).write_bytes(damaged((tmp_path / "whole" / JOURNAL).read_bytes().splitlines(keepends=True)[0]))
-    with pytest.raises(DataError) as caught, Journal(tmp_path, plan, resume=True):
+    return (folder / JOURNAL).read_bytes().splitlines(keepends=True)[0]
+
+
+def test_damaged_first_line_is_named(short_campaign, tmp_path):
+    (tmp_path / JOURNAL).write_bytes(b"\0\0\n")
+    with pytest.raises(DataError) as caught, Journal(tmp_path, short_campaign(), resume=True):
         pass
     assert caught.value.where == str(tmp_path / JOURNAL)
 
 
-def test_run_that_a_full_disk_lost_is_not_done(short_campaign, tmp_path):
-    plan, folder = short_campaign(), tmp_path / "folder"
+@pytest.mark.parametrize("kept", [0, 10, -1])
+def test_journal_whose_first_line_is_cut_is_begun_again(short_campaign, tmp_path, kept):
+    plan = short_campaign()
+    head = head_of(plan, tmp_path / "whole")
+    (tmp_path / JOURNAL).write_bytes(head[:kept])
+    with Journal(tmp_path, plan, resume=True) as journal:
+        assert journal.results == {}
+        journal.add(1, RESULT)
+    assert (tmp_path / JOURNAL).read_bytes().startswith(head)
+    with Journal(tmp_path, plan, resume=True) as journal:
+        assert list(journal.results) == [1]
+
+
+def test_journal_of_another_schema_is_named(short_campaign, tmp_path):
+    plan = short_campaign()
+    fields = fields_of_line(head_of(plan, tmp_path / "whole"))
+    (tmp_path / JOURNAL).write_bytes(checked_line({**fields, "schema": SCHEMA + 1}))
+    with pytest.raises(DataError) as caught, Journal(tmp_path, plan, resume=True):
+        pass
+    assert caught.value.limit == SCHEMA
+
+
+@contextmanager
+def largest_file(size):
+    """In the `with` block, this process cannot write a file of more than `size` bytes, as on a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     before = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
-        with Journal(folder, plan, resume=False) as journal:
-            journal.add(0, RESULT)
-            resource.setrlimit(resource.RLIMIT_FSIZE, ((folder / JOURNAL).stat().st_size + 20, hard))
-            with pytest.raises(DataError):
-                journal.add(1, RESULT)
+        yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
         signal.signal(signal.SIGXFSZ, before)
-    assert list(journal.results) == [0]
+
+
+def lose_a_run(plan, folder, done):
+    """Add `done` runs to a new journal, and then one that the disk does not hold."""
+    with Journal(folder, plan, resume=False) as journal:
+        for number in range(done):
+            journal.add(number, RESULT)
+        with largest_file((folder / JOURNAL).stat().st_size + 20):
+            journal.add(done, RESULT)
+
+
+@pytest.mark.parametrize("done", [0, 1])
+def test_run_that_a_full_disk_lost_is_not_done(short_campaign, tmp_path, done):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with pytest.raises(DataError):
+        lose_a_run(plan, folder, done)
     with Journal(folder, plan, resume=True) as journal:
-        assert list(journal.results) == [0]
+        assert list(journal.results) == list(range(done))
+        journal.add(done, RESULT)
+
+
+def test_full_disk_at_the_start_leaves_nothing(short_campaign, tmp_path):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    with largest_file(20), pytest.raises(DataError), Journal(folder, plan, resume=False):
+        pass
+    assert not folder.exists()
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(0, RESULT)
+
+
+def lose_the_disk(plan, folder, error):
+    """Add a run to a new journal that cannot be synchronized: its file becomes a pipe. Then raise `error`, if any."""
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(0, RESULT)
+        read_end, write_end = os.pipe()
+        os.dup2(write_end, journal._file.fileno())
+        os.close(read_end)
+        os.close(write_end)
+        if error is not None:
+            raise error
+
+
+@pytest.mark.parametrize("error", [None, KeyboardInterrupt])
+def test_failed_synchronization_is_an_error_and_hides_no_other_one(short_campaign, tmp_path, error):
+    with pytest.raises(error or DataError):
+        lose_the_disk(short_campaign(), tmp_path / "folder", error)
 
 
 @pytest.mark.parametrize("resume", [False, True])
@@ -145,9 +213,10 @@ def test_a_campaign_without_a_run_leaves_the_folder_of_the_user(short_campaign, 
     assert list((tmp_path / "folder").iterdir()) == []
 
 
-def test_resume_needs_a_campaign(short_campaign, tmp_path):
+def test_resume_needs_a_campaign_and_creates_no_folder(short_campaign, tmp_path):
     with pytest.raises(DataError), Journal(tmp_path / "nothing", short_campaign(), resume=True):
         pass
+    assert not (tmp_path / "nothing").exists()
 
 
 def test_failure_that_is_not_final_is_repeated(short_campaign, tmp_path):
