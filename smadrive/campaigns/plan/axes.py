@@ -42,7 +42,7 @@ def axes_of(configs: tuple[AxisConfig, ...], seed: int, folder: Path) -> tuple[A
     """Return the axes. `seed` is the seed of the campaign; patterns of file names are relative to `folder`.
 
     ConfigError for an axis without values, for lists of different lengths, for values that need labels, for two axes of
-    one name, and for more than `MOST_RUNS` combinations.
+    one name, for an axis of experiments, and for more than `MOST_RUNS` combinations.
     """
     axes = tuple(_axis(config, seed, folder, f"[[vary]] {n}") for n, config in enumerate(configs, 1))
     names = [axis.name for axis in axes]
@@ -74,6 +74,11 @@ def _check_paths(axes: tuple[Axis, ...]) -> None:
 
 def _axis(config: AxisConfig, seed: int, folder: Path, where: str) -> Axis:
     lists = dict(_lists(config.model_extra or {}, where))
+    if "experiment" in lists:
+        cure = "write it in [run], and a campaign file for each experiment"
+        raise ConfigError(
+            "the experiment cannot vary: its runs have other metrics", where=f"{where}: experiment", cure=cure
+        )
     is_sample = config.random_wires is not None or config.repeats is not None
     counted: dict[str, list[Any]] = {}
     if config.random_wires is not None:

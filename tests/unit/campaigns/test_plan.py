@@ -120,6 +120,7 @@ def test_a_grid_of_a_thousand_million_runs_is_an_error(planned):
         ("[[vary]]\ncontroler = ['inverse']\n", "[run]"),
         ("[[vary]]\nrig.rate_hz = 20.0\n", "[[vary]] 1: rig.rate_hz"),
         ("[[vary]]\nrig.rate_hz = [10.0, 20.0]\nseed = [1]\n", "[[vary]] 1"),
+        ("[[vary]]\nexperiment = ['track', 'identify']\n", "[[vary]] 1: experiment"),
         ("[[vary]]\nname = 'a'\n", "[[vary]] 1"),
         ("[[vary]]\nrig.rate_hz = {low = 1.0, high = 9.0, number = 1}\n", "[[vary]] 1: rig.rate_hz"),
         ("[[vary]]\nrig.rate_hz = {low = 1.0, hihg = 9.0, number = 2}\n", "[[vary]] 1: rig.rate_hz"),
