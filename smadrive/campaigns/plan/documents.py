@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from functools import lru_cache
 from math import pi
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from firmware_sim.config import SimConfig
 from firmware_sim.physics.flexinol import AMBIENT_C, DENSITY_KG_PER_M3, flexinol
@@ -25,6 +25,9 @@ from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 
 RIG_FILE, SIM_FILE = "in-process", "flexinol-lt-0.15mm"
 """The default rig file and the default sim file of a run."""
+
+RIG_TABLE, SIM_TABLE = "[run.rig]", "[run.sim]"
+"""The tables of a campaign file that change a rig file and a sim file, as errors name them."""
 
 SERIAL_NUMBER = 1
 """The serial number of every simulated board. A random number would make two equal runs different."""
@@ -44,41 +47,62 @@ def documents_of(settings: RunSettings, folder: Path) -> RunDocuments:
     ConfigError for a missing file, an unknown key and an impossible value.
     """
     nominal = settings.wire.model_copy(update={"seed": None, "kind": None})
-    return _documents(_text(settings.rig), _text(settings.sim), nominal, folder)
+    return _documents(_text(settings.rig, RIG_TABLE), _text(settings.sim, SIM_TABLE), nominal, folder)
 
 
 def changed_sim(sim: SimConfig, changes: Mapping[str, Any]) -> SimConfig:
     """Return the simulated wire with the keys `changes` replaced, and with a fixed serial number."""
     board = {"board": {"serial_number": SERIAL_NUMBER}}
-    kept = {key: value for key, value in changes.items() if key != "file"}
-    return validate(merged(sim.model_dump(exclude_none=True), merged(board, kept)), SimConfig, "[run.sim]")
+    kept = merged(board, {key: value for key, value in changes.items() if key != "file"}, SIM_TABLE)
+    return validate(merged(sim.model_dump(exclude_none=True), kept, SIM_TABLE), SimConfig, SIM_TABLE)
 
 
-def merged(table: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return `table` with `changes`. Tables are merged, and other values are replaced."""
+def merged(table: Mapping[str, Any], changes: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """Return `table` with `changes`, the content of the table `where`. Tables are merged, other values are replaced.
+
+    The tables in a list are changed by their names. ConfigError for a name that no table of the list has.
+    """
     result = dict(table)
     for key, value in changes.items():
         before = result.get(key)
         if isinstance(value, Mapping) and isinstance(before, Mapping):
-            result[key] = merged(before, value)
+            result[key] = merged(before, value, f"{where} {key}")
         elif isinstance(value, Mapping) and isinstance(before, list | tuple):
-            result[key] = _merged_by_name(before, value, key)
+            result[key] = _merged_by_name(before, value, f"{where} {key}")
         else:
             result[key] = value
     return result
 
 
-def _merged_by_name(tables: list[Any] | tuple[Any, ...], changes: Mapping[str, Any], key: str) -> list[Any]:
+def _merged_by_name(tables: list[Any] | tuple[Any, ...], changes: Mapping[str, Any], where: str) -> list[Any]:
     """Return the list of named tables, each merged with the changes under its name."""
-    names = [table["name"] for table in tables if isinstance(table, Mapping) and "name" in table]
-    if unknown := [name for name in changes if name not in names]:
-        cure = f"write one of {', '.join(names)}"
-        raise ConfigError("no table has this name", where=f"[run.rig] {key}", value=unknown[0], cure=cure)
-    return [merged(table, changes.get(table["name"], {})) for table in tables]
+    names = [_name_of(table) for table in tables]
+    for name, change in changes.items():
+        if name not in names:
+            cure = f"write one of {', '.join(filter(None, names))}" if any(names) else "write a list"
+            raise ConfigError("no table has this name", where=where, value=name, cure=cure)
+        if not isinstance(change, Mapping):
+            cure = f"name the key of '{name}' to change, such as {name}.profile"
+            raise ConfigError("not a table", where=f"{where}: {name}", value=str(change), cure=cure)
+    return [
+        merged(table, changes[name], f"{where} {name}") if name in changes else table
+        for name, table in zip(names, tables, strict=True)
+    ]
 
 
-def _text(changes: Mapping[str, Any]) -> str:
-    return json.dumps(changes, sort_keys=True)
+def _name_of(table: Any) -> str | None:
+    name = table.get("name") if isinstance(table, Mapping) else None
+    return name if isinstance(name, str) else None
+
+
+def _text(changes: Mapping[str, Any], where: str) -> str:
+    """Return the changes as JSON. ConfigError for a date or a time: TOML has them, JSON and these files do not."""
+
+    def refuse(value: object) -> NoReturn:
+        cure = "write a number, a text in quotes, or a table"
+        raise ConfigError("dates and times have no meaning here", where=where, value=str(value), cure=cure)
+
+    return json.dumps(changes, sort_keys=True, default=refuse)
 
 
 @lru_cache(maxsize=1024)
@@ -89,7 +113,8 @@ def _documents(rig_text: str, sim_text: str, wire: WireSettings, folder: Path) -
 
 def _rig(changes: dict[str, Any], folder: Path) -> RigConfig:
     path = file_path(changes.pop("file", RIG_FILE), folder, RIG)
-    return validate(merged(read_toml(path), changes), RigConfig, f"[run.rig] {path}").in_folder(path.parent)
+    changed = merged(read_toml(path), changes, RIG_TABLE)
+    return validate(changed, RigConfig, f"{RIG_TABLE} {path}").in_folder(path.parent)
 
 
 def _sim(changes: dict[str, Any], wire: WireSettings, folder: Path) -> SimConfig:
