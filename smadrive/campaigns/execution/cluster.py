@@ -27,7 +27,9 @@ if TYPE_CHECKING:
 
 ALLOWED_FAILURES = 25
 OPTION = "--scheduler"
-PROTOCOLS = ("tcp", "tls", "ws", "wss", "ucx")
+PROTOCOLS = ("tcp", "tls", "ws", "wss")
+ENCRYPTED = ("tls", "wss")
+"""The protocols that need certificates in the configuration of Dask."""
 
 CONNECTS_WITHIN_S = 10.0
 """Longest wait for the answer of a scheduler, s."""
@@ -78,10 +80,12 @@ def local_client(workers: int) -> Iterator[Client]:
 def remote_client(address: str) -> Iterator[Client]:
     """Yield the client of the scheduler at `address`, and leave the cluster running.
 
-    ConfigError for a malformed address, and for another version of smadrive on a worker. TransportError when no
-    scheduler answers there.
+    ConfigError for a malformed address, for missing certificates, and for another version of smadrive on a worker.
+    TransportError when no scheduler answers there.
     """
     check_address(address)
+    if urlsplit(address).scheme in ENCRYPTED:
+        _check_certificates(address)
     from distributed import Client  # noqa: PLC0415
 
     _silence_logs()
@@ -124,6 +128,19 @@ def check_address(address: str) -> None:
     if not is_address:
         cure = "write an address such as tcp://192.168.1.10:8786"
         raise ConfigError("not an address", where=OPTION, value=address, cure=cure)
+
+
+def _check_certificates(address: str) -> None:
+    """Raise ConfigError if the configuration of Dask has no certificates for a client, or unusable ones."""
+    from distributed.security import Security  # noqa: PLC0415 (a command that needs no cluster must start at once)
+
+    cure = "set distributed.comm.tls in the configuration of Dask: ca-file, client.cert and client.key"
+    try:
+        context = Security().get_connection_args("client").get("ssl_context")
+    except OSError as error:  # ssl.SSLError is an OSError, too
+        raise ConfigError("a certificate is not usable", where=OPTION, value=str(error), cure=cure) from None
+    if context is None:
+        raise ConfigError("an encrypted connection needs certificates", where=OPTION, value=address, cure=cure)
 
 
 def threads_of(client: Client) -> int:

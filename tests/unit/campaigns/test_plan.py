@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from smadrive.campaigns.campaign import check_plan
-from smadrive.campaigns.execution.cluster import check_address
 from smadrive.campaigns.execution.scheduling import groups_of
 from smadrive.campaigns.experiments.run import identification_key
 from smadrive.campaigns.plan.axes import MOST_RUNS
@@ -196,16 +195,6 @@ def test_records_are_an_axis_of_files(planned, tmp_path):
     plan = planned("[[vary]]\nrecords = '*.csv'\n", base="title = 'reel'\n[run]\nexperiment = 'fit'\n")
     assert [plan.run(n).levels["record"] for n in range(plan.count)] == ["a.csv", "b.csv"]
     assert plan.run(0).settings.record == str(tmp_path / "a.csv")
-
-
-@pytest.mark.parametrize(
-    "address", ["nowhere", "tcp://host", "tcp://:8786", "tcp://host:x", "http://host:80", "host:80"]
-)
-def test_an_address_has_protocol_host_and_port(address):
-    with pytest.raises(ConfigError) as caught:
-        check_address(address)
-    assert caught.value.value == address
-    check_address("tls://cluster:8786")
 
 
 @pytest.mark.parametrize("path", CAMPAIGNS, ids=lambda path: path.stem)
