@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import Self
 
 from smadrive.control.loop import Tick
-from smadrive.errors import SmadriveError
+from smadrive.errors import SmadriveError, StoppedError
 from smadrive.rig.config import RigConfig
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
@@ -36,12 +36,16 @@ class RunFeed(TickFeed):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Publish the end, and the SmadriveError that has ended the run, if any. Without `begin`, publish nothing."""
+        """Publish the end, and the SmadriveError that has ended the run, if any. Without `begin`, publish nothing.
+
+        A SmadriveError that `off` has overtaken is the cause of a StoppedError.
+        """
         if not self._has_begun:
             return
         outcome = None if error is None else shutdown_of(error)
         confirmed = outcome is None or outcome.confirmed
-        fault = error if isinstance(error, SmadriveError) else None
+        ended_by = error.__cause__ if isinstance(error, StoppedError) else error
+        fault = ended_by if isinstance(ended_by, SmadriveError) else None
         self._publish(
             mode=PublishedMode.switched_off(confirmed=confirmed),
             end=PublishedEnd.switched_off(confirmed=confirmed),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from smadrive.errors import StoppedError, TripError
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.stream.published_state import PublishedMode
@@ -59,6 +60,44 @@ def test_status_of_a_run_has_every_field():
         assert set(faults_message(writer.published)) == set(FAULTS)
         assert faults_message(writer.published)["any"] is False
         assert faults_message({**writer.published, "device_faults": ["x"]})["any"] is True
+
+
+def faults_after(error):
+    """The published faults of a run that `error` has ended."""
+    config = load_rig("in-process")
+
+    def end(writer):
+        with RunFeed(writer, config, PublishedMode.TRACKING) as feed:
+            with Rig(config) as rig:
+                feed.begin(rig)
+            raise error
+
+    with SharedWriter() as writer:
+        with pytest.raises(type(error)):
+            end(writer)
+        return faults_message(writer.published)
+
+
+def stopped(cause):
+    error = StoppedError("stopped")
+    error.__cause__ = cause
+    return error
+
+
+@pytest.mark.parametrize(
+    ("error", "fault_type"),
+    [
+        (TripError("too hot", 1), "TripError"),
+        (stopped(TripError("too hot", 1)), "TripError"),
+        (stopped(KeyboardInterrupt()), None),
+        (stopped(None), None),
+        (KeyboardInterrupt(), None),
+    ],
+)
+def test_fault_that_ended_a_run_is_published(error, fault_type):
+    faults = faults_after(error)
+    assert (faults["any"], faults["fault_type"]) == (fault_type is not None, fault_type)
+    assert (faults["fault"] is None) == (fault_type is None)
 
 
 def test_topics_have_no_wildcards():
