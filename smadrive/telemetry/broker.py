@@ -52,7 +52,6 @@ class Broker:
     command        topic whose messages call `on_command`; None for no such topic. A retained message does not call
                    it, because it is older than this connection
     connections    number of times that the connection was made
-    trouble        reason why the last attempt to connect failed, or why the connection ended; empty if connected
     """
 
     def __init__(
@@ -64,7 +63,8 @@ class Broker:
         on_command: Callable[[], None],
     ) -> None:
         self.connections = 0
-        self.trouble = ""
+        self._lost = self._refused = ""
+        self._is_subscribed = False
         self._command = command
         self._on_command = on_command
         self._latest = 0
@@ -80,6 +80,7 @@ class Broker:
         self._client.on_connect = self._connected
         self._client.on_connect_fail = self._failed
         self._client.on_disconnect = self._disconnected
+        self._client.on_subscribe = self._subscribed
         self._client.on_message = self._received
         self._client.on_publish = self._published
         self._client.connect_async(address.host, address.port, keepalive=KEEPALIVE_S)
@@ -89,6 +90,16 @@ class Broker:
     def is_connected(self) -> bool:
         """True while paho regards the broker as connected. A loss is noticed after about twice `KEEPALIVE_S`."""
         return self._client.is_connected()
+
+    @property
+    def is_ready(self) -> bool:
+        """True while the broker is connected and has answered the subscription to `command`, if there is one."""
+        return self.is_connected and (self._command is None or self._is_subscribed)
+
+    @property
+    def trouble(self) -> str:
+        """The reason why the broker is not connected, or why `command` has no effect; otherwise empty."""
+        return self._refused if self.is_connected else self._lost
 
     def publish(self, topic: str, payload: str, *, retain: bool = False) -> Delivery:
         """Queue a message, without waiting."""
@@ -114,21 +125,27 @@ class Broker:
 
     def _connected(self, client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         if reason.is_failure:
-            self.trouble = str(reason)
+            self._lost = str(reason)
             return
+        self._lost = self._refused = ""
+        self._is_subscribed = False
         if self._command is not None:
             client.subscribe(self._command, QOS)
-        self.trouble = ""
         self.connections += 1
+
+    def _subscribed(self, _client: Client, _data: Any, _number: int, reasons: list[Any], _properties: Any) -> None:
+        if any(reason.is_failure for reason in reasons):
+            self._refused = f"the broker refuses the subscription to {self._command}, so it cannot stop the command"
+        self._is_subscribed = True
 
     def _published(self, _client: Client, _data: Any, number: int, _reason: Any, _properties: Any) -> None:
         self._confirmed.add(number)
 
     def _failed(self, _client: Client, _data: Any) -> None:
-        self.trouble = "the broker cannot be reached"
+        self._lost = "the broker cannot be reached"
 
     def _disconnected(self, _client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
-        self.trouble = self.trouble or f"disconnected: {reason}"
+        self._lost = self._lost or f"disconnected: {reason}"
 
     def _received(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
         if not message.retain:

@@ -15,7 +15,7 @@ LAYOUT = np.dtype(
         ("confirmed_to", "i8"),  # all samples with a smaller number are confirmed, or dropped
         ("dropped", "i8"),
         ("connections", "i8"),
-        ("is_connected", "i8"),
+        ("is_ready", "i8"),  # see `Broker.is_ready`
         ("offs", "i8"),
         ("trouble", f"S{TROUBLE_BYTES}"),
     ]
@@ -29,7 +29,7 @@ class PublisherCounts(NamedTuple):
     dropped        samples that were overwritten before they were sent
     waiting        samples that are not confirmed yet
     connections    connections to the broker
-    trouble        reason why the broker is not connected; empty while it is connected, and before the first failure
+    trouble        reason why the broker is not connected, or why `off` has no effect; empty before the first failure
     """
 
     samples: int
@@ -57,7 +57,7 @@ class PublisherCounters(MappedBlock):
 
     @property
     def trouble(self) -> str:
-        """The reason why the broker is not connected. Empty while it is connected, and before the first failure."""
+        """The reason why the broker is not connected, or why `off` has no effect. Empty before the first failure."""
         return bytes(self._block["trouble"][0]).decode(errors="replace")
 
     @trouble.setter

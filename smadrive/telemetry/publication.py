@@ -84,12 +84,13 @@ class Publication:
     def wait_for_broker(self) -> bool:
         """Wait until the broker is connected, at most `CONNECTS_WITHIN_S`. Return True if it is connected.
 
-        Call this before the loop begins.
+        If the rig file permits `off`, also wait until the broker has answered the subscription to it. Call this before
+        the loop begins.
         """
         give_up_s = time.monotonic() + CONNECTS_WITHIN_S
-        while not self._counters["is_connected"] and time.monotonic() < give_up_s:
+        while not self._counters["is_ready"] and time.monotonic() < give_up_s:
             time.sleep(LOOK_S)
-        return bool(self._counters["is_connected"])
+        return bool(self._counters["is_ready"])
 
     def _process(self) -> SupervisedProcess:
         fds = {"memory_fd": self._writer.memory_fd, "counters_fd": self._counters.memory_fd}

@@ -12,10 +12,10 @@ from __future__ import annotations
 import json
 import time
 from collections import deque
-from typing import Any, Protocol
+from typing import Any
 
 from smadrive.stream.shared_memory import SharedReader
-from smadrive.telemetry.broker import IN_FLIGHT
+from smadrive.telemetry.broker import IN_FLIGHT, Broker, Delivery
 from smadrive.telemetry.counters import PublisherCounters
 from smadrive.telemetry.schema import (
     ENDED,
@@ -33,30 +33,6 @@ COUNTS_S = 5.0
 """Shortest time between two messages at the topic `publisher`, s."""
 
 
-class Confirmation(Protocol):
-    """A message that was handed to the connection. The broker may not have confirmed it yet."""
-
-    def is_published(self) -> bool:
-        """Return True if the broker has confirmed the message."""
-        ...
-
-
-class Connection(Protocol):
-    """A connection to a broker; see broker.py."""
-
-    connections: int
-    trouble: str
-
-    @property
-    def is_connected(self) -> bool:
-        """True while the broker answers."""
-        ...
-
-    def publish(self, topic: str, payload: str, *, retain: bool = False) -> Confirmation:
-        """Queue a message, without waiting."""
-        ...
-
-
 class Publisher:
     """Moves rows and status to the broker with each call of `step`, which does not wait."""
 
@@ -64,7 +40,7 @@ class Publisher:
         self,
         reader: SharedReader,
         counters: PublisherCounters,
-        broker: Connection,
+        broker: Broker,
         *,
         prefix: str,
         rig: str,
@@ -76,7 +52,7 @@ class Publisher:
         self._place = prefix, rig
         self._command = command
         self._next = counters["confirmed_to"]
-        self._outstanding: deque[tuple[int, int, Confirmation]] = deque()
+        self._outstanding: deque[tuple[int, int, Delivery]] = deque()
         self._version = -1
         self._status: dict[str, Any] = {}
         self._sent: dict[str, str] = {}
@@ -103,7 +79,7 @@ class Publisher:
         """True if the broker is connected, and more samples wait than may be in flight."""
         return self._broker.is_connected and self._reader.written - self._next > IN_FLIGHT
 
-    def finish(self) -> Confirmation | None:
+    def finish(self) -> Delivery | None:
         """Publish the end: ENDED if the driver has ended its command, otherwise GONE.
 
         Return None if there was no status, so that nothing was published.
@@ -130,8 +106,9 @@ class Publisher:
             self._connections = self._broker.connections
             self._sent.clear()
             self._counters["connections"] = self._connections_before + self._connections
-        self._counters["is_connected"] = self._broker.is_connected
-        self._counters.trouble = "" if self._broker.is_connected else self._broker.trouble
+        is_ready = self._broker.is_ready  # read first: an answer that arrives now must not be ready without its trouble
+        self._counters.trouble = self._broker.trouble
+        self._counters["is_ready"] = is_ready
         return is_new
 
     def _confirm(self) -> None:
@@ -166,7 +143,7 @@ class Publisher:
             self._outstanding.append((number, number - self._next, self._publish("sample", message)))
             self._next = number + 1
 
-    def _publish(self, message: str, payload: str, *, retain: bool = False) -> Confirmation:
+    def _publish(self, message: str, payload: str, *, retain: bool = False) -> Delivery:
         return self._broker.publish(topic_of(*self._place, message), payload, retain=retain)
 
     def _counts(self) -> dict[str, int]:

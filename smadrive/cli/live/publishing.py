@@ -132,10 +132,12 @@ def open_publication(
 
 
 def _say_connection(publication: Publication, output: Output) -> None:
-    if publication.wait_for_broker():
+    is_ready, trouble = publication.wait_for_broker(), publication.counts.trouble
+    if is_ready:
         output.say(f"publishing to {publication.address}")
+        output.warn([f"{publication.address}: {trouble}"] if trouble else [])
     else:
-        reason = publication.counts.trouble or "no answer yet"
+        reason = trouble or "no answer yet"
         output.warn([f"{publication.address}: {reason}; the command goes on, and samples wait for the broker"])
 
 
@@ -150,3 +152,5 @@ def _say_counts(publication: Publication, output: Output) -> None:
     if counts.samples == 0:
         reason = counts.trouble or "the broker has confirmed no sample"
         output.warn([f"nothing was published to {publication.address}: {reason}; check that the broker runs there"])
+    elif counts.trouble:
+        output.warn([f"{publication.address}: {counts.trouble}"])

@@ -1,8 +1,11 @@
-"""A message that finds no connection is not confirmed, and is no error."""
+"""A message that finds no connection is not confirmed, and is no error. A refused subscription is a trouble."""
 
 import socket
+import threading
+from contextlib import contextmanager
 
 import pytest
+from peers.mosquitto import wait_for
 
 pytest.importorskip("paho.mqtt.client", reason="needs paho-mqtt (extra `mqtt`)")
 
@@ -19,3 +22,41 @@ def test_message_without_a_connection_is_not_confirmed():
         assert not broker.is_connected
     finally:
         broker.close()
+
+
+CONNACK, ACCEPTED, REFUSED = bytes((0x20, 2, 0, 0)), 1, 0x80
+
+
+@contextmanager
+def broker_that_answers(granted):
+    """A broker that accepts a connection, and answers its subscription with the byte `granted`. Yields its port."""
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        thread = threading.Thread(target=accept_and_answer, args=(listening, granted))
+        thread.start()
+        yield listening.getsockname()[1]
+        thread.join()
+
+
+def accept_and_answer(listening, granted):
+    connection = listening.accept()[0]
+    with connection:
+        connection.recv(1000)
+        connection.sendall(CONNACK)
+        subscribe = connection.recv(1000)
+        connection.sendall(bytes((0x90, 3, *subscribe[2:4], granted)))
+        while connection.recv(1000):
+            pass
+
+
+@pytest.mark.parametrize(("granted", "is_refused"), [(ACCEPTED, False), (REFUSED, True)])
+def test_refused_subscription_is_a_trouble_of_a_connected_broker(granted, is_refused):
+    with broker_that_answers(granted) as port:
+        address = parse_address(f"mqtt://127.0.0.1:{port}", {})
+        broker = Broker(address, "driver", ("will", "gone"), "rig/off", lambda: None)
+        try:
+            wait_for(lambda: broker.is_ready)
+            assert broker.is_connected
+            assert bool(broker.trouble) == is_refused
+            assert ("rig/off" in broker.trouble) == is_refused
+        finally:
+            broker.close()
