@@ -7,6 +7,7 @@ message arrives at least once).
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -142,7 +143,7 @@ class Broker:
         self._confirmed.add(number)
 
     def _failed(self, _client: Client, _data: Any) -> None:
-        self._lost = "the broker cannot be reached"
+        self._lost = f"the broker cannot be reached: {_reason(sys.exception())}"
 
     def _disconnected(self, _client: Client, _data: Any, _flags: Any, reason: Any, _properties: Any) -> None:
         self._lost = self._lost or f"disconnected: {reason}"
@@ -150,3 +151,8 @@ class Broker:
     def _received(self, _client: Client, _data: Any, message: MQTTMessage) -> None:
         if not message.retain:
             self._on_command()
+
+
+def _reason(error: BaseException | None) -> str:
+    """Return the text of the error that paho handles while it calls `on_connect_fail`."""
+    return getattr(error, "strerror", None) or str(error or "") or "unknown reason"

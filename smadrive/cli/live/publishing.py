@@ -151,6 +151,6 @@ def _say_counts(publication: Publication, output: Output) -> None:
     )
     if counts.samples == 0:
         reason = counts.trouble or "the broker has confirmed no sample"
-        output.warn([f"nothing was published to {publication.address}: {reason}; check that the broker runs there"])
+        output.warn([f"nothing was published to {publication.address}: {reason}; check the address and the broker"])
     elif counts.trouble:
         output.warn([f"{publication.address}: {counts.trouble}"])

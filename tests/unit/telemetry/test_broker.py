@@ -1,5 +1,7 @@
 """A message that finds no connection is not confirmed, and is no error. A refused subscription is a trouble."""
 
+import errno
+import os
 import socket
 import threading
 from contextlib import contextmanager
@@ -20,6 +22,7 @@ def test_message_without_a_connection_is_not_confirmed():
     try:
         assert not broker.publish("topic", "text").is_published()
         assert not broker.is_connected
+        wait_for(lambda: os.strerror(errno.ECONNREFUSED) in broker.trouble)
     finally:
         broker.close()
 
