@@ -66,6 +66,9 @@ def parse_address(url: str, environment: Mapping[str, str] = os.environ) -> Brok
     if ("cert_file" in keys) != ("key_file" in keys):
         raise ConfigError("only one of the two is given", where=f"{WHERE}: cert_file and key_file", cure="give both")
     user = None if parts.username is None else unquote(parts.username)
+    if user is None and PASSWORD_FILE in keys:
+        cure = "write the user before the host, such as mqtt://USER@HOST"
+        raise ConfigError("a password needs a user", where=f"{WHERE}: {PASSWORD_FILE}", cure=cure)
     address = BrokerAddress(
         host=parts.hostname or "",
         port=parts.port or PORTS[parts.scheme],
@@ -97,7 +100,8 @@ def _split(url: str) -> SplitResult:
     try:
         parts = urlsplit(url)
         has_port = parts.port != 0
-    except ValueError:
+        (parts.hostname or "").encode("idna")  # the form in which a name is looked up; an IP address stays
+    except ValueError:  # UnicodeError is a ValueError, too
         raise _unusable("its port or host is not valid", url) from None
     if parts.password is not None:
         cure = f"remove it, and set the environment variable {PASSWORD_VARIABLE}, or add ?{PASSWORD_FILE}=FILE"
