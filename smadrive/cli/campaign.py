@@ -20,6 +20,7 @@ from smadrive.cli.views.campaign_view import (
 )
 from smadrive.errors import ConfigError, TransportError
 from smadrive.files.extras import check_extra
+from smadrive.posix import check_posix
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -50,6 +51,7 @@ def main(
     Everything is simulated in virtual time. Ctrl-C ends the command, and --resume goes on with the remaining runs. The
     same file and seed give the same table, to the last bit, whatever the number of workers.
     """
+    check_posix()
     check_extra("campaign", "smadrive campaign")
     if scheduler is not None and workers is not None:
         cure = "leave one of the two out: --scheduler uses the workers of that cluster"

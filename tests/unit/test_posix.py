@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -14,11 +13,9 @@ import importlib, os, pkgutil, signal, subprocess, sys
 import h5py, matplotlib, pydantic, pymodbus.pdu, rich.console, scipy.optimize, serial, typer  # of other projects
 
 lacking = ("fcntl", "grp", "pwd", "termios", "tty")
-kept = {name: sys.modules.pop(name, None) for name in lacking}
 sys.modules.update(dict.fromkeys(lacking))
-import smadrive.posix
-sys.modules.update({name: module for name, module in kept.items() if module is not None})
-for module, names in {os: ("register_at_fork", "geteuid", "getuid", "openpty", "memfd_create", "sched_setscheduler"),
+for module, names in {os: ("uname", "register_at_fork", "geteuid", "getuid", "openpty", "memfd_create",
+                           "sched_setscheduler"),
                       signal: ("SIGHUP", "SIGPIPE", "pthread_kill", "SIGSTOP")}.items():
     for name in names:
         delattr(module, name)
@@ -48,8 +45,13 @@ smadrive.identify(v, model.simulate(v), memory=1).save("wire.json")
 np.savetxt("in.csv", np.column_stack([np.arange(v.size), v]), delimiter=",", header="time_s,temperature_c", comments="")
 sys.argv = ["smadrive", "simulate", "wire.json", "in.csv", "-o", "out.csv"]
 command_line("simulate")(standalone_mode=False)
+assert smadrive.load_wire("wire.json").model.scale > 0.0
+sys.argv = ["smadrive", "report", "heat.h5", "-o", "heat.html"]
+command_line("report")(standalone_mode=False)
+sys.argv = ["smadrive", "campaign", "reversals", "-o", "folder"]
+campaign = lambda: command_line("campaign")(standalone_mode=False)
 for open_it in (lambda: smadrive.open_rig("in-process"), lambda: smadrive.rig.rig.Rig(
-        smadrive.rig.config.load_rig("in-process")).__enter__()):
+        smadrive.rig.config.load_rig("in-process")).__enter__(), campaign):
     try:
         open_it()
     except smadrive.errors.ConfigError as error:
@@ -83,9 +85,12 @@ def test_every_module_can_be_imported_elsewhere(tmp_path):
 
 @pytest.mark.exhaustive
 def test_models_work_elsewhere_and_a_rig_is_refused(tmp_path):
+    heat = (sys.executable, "-m", "smadrive", "heat", "in-process", "--current", "0.2", "--for", "2")
+    subprocess.run(heat, cwd=tmp_path, capture_output=True, check=True)
     done = run(WORK, tmp_path)
     assert done.returncode == 0, done.stderr
     lines = [line for line in done.stdout.splitlines() if line.startswith("refused:")]
-    assert len(lines) == 2
+    assert len(lines) == 3
     assert all("Linux or macOS" in line for line in lines)
-    assert Path(tmp_path / "out.csv").exists()
+    assert all((tmp_path / name).exists() for name in ("out.csv", "heat.html"))
+    assert not (tmp_path / "folder").exists()

@@ -8,7 +8,6 @@ is opened again, and their runs are repeated. A failure that is not final has no
 
 from __future__ import annotations
 
-import fcntl
 import os
 import time
 from contextlib import ExitStack, suppress
@@ -22,6 +21,7 @@ from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.versions import versions
 from smadrive.errors import DataError
 from smadrive.files.checked_line import checked_line, fields_of_line
+from smadrive.posix import fcntl
 
 JOURNAL = "journal.jsonl"
 SCHEMA = 1

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
 import time
 import traceback
 from datetime import UTC, datetime
@@ -109,7 +110,7 @@ def execute(run: PlannedRun, knowledge: WireKnowledge | RunFailure | None = None
         time.monotonic() - clock_s,
         time.thread_time() - cpu_s,
         0.0 if knowledge is None else knowledge.cpu_s,
-        f"{os.uname().nodename}:{os.getpid()}",
+        f"{platform.node()}:{os.getpid()}",
         trace,
     )
     return RunResult(row, effort, is_final)

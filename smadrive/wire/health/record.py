@@ -7,7 +7,6 @@ incomplete last line, and two programs at once leave two lines. `read_health` le
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import time
@@ -22,6 +21,7 @@ from smadrive.display.card import count_text
 from smadrive.errors import DataError
 from smadrive.files.checked_line import checked_line, fields_of_line
 from smadrive.files.kinds import check_regular
+from smadrive.posix import fcntl
 from smadrive.wire.health.entry import HealthEntry
 
 SCHEMA_VERSION = 1
