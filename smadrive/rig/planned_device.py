@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.supply import BenchSupply
 from smadrive.devices.heating.tclab import TCLab
-from smadrive.devices.profile.profile import Profile
+from smadrive.devices.profile.profile import Profile, load_profile
 from smadrive.errors import ConfigError
 from smadrive.rig.config import DeviceConfig
 
@@ -19,6 +19,14 @@ SIMULATED = "sim://"
 """The scheme of simulated devices. They end with this process: they need no guardian, and their trips are not kept."""
 
 HEATING_ROLES = ("heater", "supply")
+
+
+def profile_text(name: str) -> str:
+    """Return the content of a profile as JSON. `name` is a path or the name of a shipped profile.
+
+    Comments and defaults do not change the text. ConfigError if the profile is missing or wrong.
+    """
+    return load_profile(name).model_dump_json()
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from smadrive.files.checked_line import checked_line, fields_of_line
 from smadrive.posix import fcntl
 
 JOURNAL = "journal.jsonl"
-SCHEMA = 1
+SCHEMA = 2
 SYNCED_S = 1.0
 """Shortest time between two synchronizations of the journal to the disk, s."""
 

@@ -13,7 +13,6 @@ import platform
 import time
 import traceback
 from datetime import UTC, datetime
-from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -28,7 +27,6 @@ from smadrive.campaigns.experiments.identification import (
 )
 from smadrive.campaigns.experiments.simulated_rig import simulated_wire, wire_row
 from smadrive.campaigns.experiments.tracking import tracking_row
-from smadrive.campaigns.plan.documents import RunDocuments
 from smadrive.campaigns.plan.plan import PlannedRun, files_of
 from smadrive.errors import SmadriveError
 
@@ -80,13 +78,8 @@ def needs_identification(run: PlannedRun) -> bool:
 def identification_key(run: PlannedRun) -> str:
     """Return a name for the identification of a run. Runs with the same name share one identification."""
     settings = run.settings
-    parts = _documents_text(run.documents), settings.sim, settings.wire, settings.seed, settings.fit
+    parts = run.documents.digest, settings.sim, settings.wire, settings.seed, settings.fit
     return f"identification-{hashlib.sha256(repr(parts).encode()).hexdigest()[:24]}"
-
-
-@lru_cache(maxsize=1024)
-def _documents_text(documents: RunDocuments) -> str:
-    return repr(documents)
 
 
 def identify(run: PlannedRun) -> WireKnowledge | RunFailure:

@@ -6,6 +6,7 @@ or an impossible value is found before the campaign starts.
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from functools import lru_cache
@@ -21,6 +22,7 @@ from smadrive.files.config import read_toml, validate
 from smadrive.files.kinds import RIG, SIM, WIRE
 from smadrive.files.shipped import config_file
 from smadrive.rig.config import RigConfig
+from smadrive.rig.planned_device import profile_text
 from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 
 RIG_FILE, SIM_FILE = "in-process", "flexinol-lt-0.15mm"
@@ -34,11 +36,16 @@ SERIAL_NUMBER = 1
 
 
 class RunDocuments(NamedTuple):
-    """The content of the files of one run. `sim` is the nominal wire: `wire.seed` of the run has not changed it yet."""
+    """The content of the files of one run. `sim` is the nominal wire: `wire.seed` of the run has not changed it yet.
+
+    `digest` is the SHA-256 of this content and of the profiles of the devices. It does not depend on the folder of the
+    files.
+    """
 
     rig: RigConfig
     sim: SimConfig
     data_sheet: WireDataSheet
+    digest: str
 
 
 def documents_of(settings: RunSettings, folder: Path) -> RunDocuments:
@@ -85,7 +92,7 @@ def _merged_by_name(tables: list[Any] | tuple[Any, ...], changes: Mapping[str, A
             cure = f"name the key of '{name}' to change, such as {name}.profile"
             raise ConfigError("not a table", where=f"{where}: {name}", value=str(change), cure=cure)
     return [
-        merged(table, changes[name], f"{where} {name}") if name in changes else table
+        merged(table, changes[name], f"{where} {name}") if name is not None and name in changes else table
         for name, table in zip(names, tables, strict=True)
     ]
 
@@ -108,7 +115,24 @@ def _text(changes: Mapping[str, Any], where: str) -> str:
 @lru_cache(maxsize=1024)
 def _documents(rig_text: str, sim_text: str, wire: WireSettings, folder: Path) -> RunDocuments:
     rig, sim = _rig(json.loads(rig_text), folder), _sim(json.loads(sim_text), wire, folder)
-    return RunDocuments(rig, sim, _data_sheet(wire, sim, rig.wire))
+    data_sheet = _data_sheet(wire, sim, rig.wire)
+    return RunDocuments(rig, sim, data_sheet, _digest(rig, sim, data_sheet))
+
+
+def _digest(rig: RigConfig, sim: SimConfig, data_sheet: WireDataSheet) -> str:
+    """Return the digest of the content. The paths in the rig file are left out: their content stands for them."""
+    texts = (
+        rig.model_dump_json(exclude={"wire": True, "model": True, "devices": {"__all__": {"profile"}}}),
+        *(_profile_text(device.profile) for device in rig.devices),
+        sim.model_dump_json(),
+        data_sheet.model_dump_json(),
+    )
+    return hashlib.sha256("\n".join(texts).encode()).hexdigest()
+
+
+@lru_cache(maxsize=256)
+def _profile_text(name: str) -> str:
+    return profile_text(name)
 
 
 def _rig(changes: dict[str, Any], folder: Path) -> RigConfig:

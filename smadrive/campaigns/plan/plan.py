@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from io import BufferedReader
 from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -113,23 +115,40 @@ class CampaignPlan:
 
     @cached_property
     def fingerprint(self) -> str:
-        """The digest of the settings in the campaign file, and of the files that the runs read.
+        """The digest of the settings in the campaign file, and of the content of the files that the runs read.
 
-        It includes the rig, the simulated wire, models, records and reference files of the runs in `sample`. If a
-        campaign has more than `SAMPLED` runs, a changed file that only other runs read does not change the digest.
+        It does not depend on the folder of the campaign. All models, records and reference files are part of it. Rigs,
+        simulated wires, data sheets and profiles are those of the runs in `sample`: if a campaign has more than
+        `SAMPLED` runs, a change of such a file that only other runs read does not change the digest.
         """
         digest = hashlib.sha256(self.config.model_dump_json().encode())
-        files: dict[Path, None] = {}
+        digest.update(repr([axis.levels for axis in self.axes]).encode())
         for run in self.sample():
-            digest.update(repr((run.levels, run.documents)).encode())
-            files |= dict.fromkeys(files_of(run))
-        for file in files:
-            digest.update(_content_digest(file))
+            digest.update(run.documents.digest.encode())
+        for path in self._named_files():
+            digest.update(_content_digest(path))
         return digest.hexdigest()
 
     def check_files(self) -> None:
-        """Raise ConfigError if a file that the runs in `sample` read is missing. The fingerprint reads all of them."""
-        _ = self.fingerprint
+        """Raise ConfigError if a model, a record or a reference file of any run cannot be read."""
+        for path in self._named_files():
+            with _opened(path):
+                pass
+
+    def _named_files(self) -> Iterator[Path]:
+        """Yield the models, the records and the reference files that the campaign names, each once, in a fixed order.
+
+        They are taken from the axes instead of the runs: a campaign has many more runs than values.
+        """
+        references = self.config.references
+        tables = [references[name].file for name in self._names("reference") if name in references]
+        names = [*self._names("model"), *self._names("record"), *tables]
+        yield from dict.fromkeys(self.folder / name for name in names if name is not None)
+
+    def _names(self, key: str) -> list[str]:
+        """Return the texts of a key of [run]: the values of its axis or, if it does not vary, the value in [run]."""
+        varied = [settings[key] for axis in self.axes if key in axis.settings[0] for settings in axis.settings]
+        return [value for value in varied or [self._base.get(key)] if isinstance(value, str)]
 
     def sample(self) -> Iterator[PlannedRun]:
         """Yield up to `SAMPLED` runs, evenly spread over the campaign. ConfigError if the settings of one are wrong."""
@@ -152,9 +171,11 @@ def load_plan(name: str) -> CampaignPlan:
 
 
 def files_of(run: PlannedRun) -> list[Path]:
-    """Return the model, the record and the reference file that the run names."""
+    """Return the files that a worker reads for the run: model, record, reference file and profiles."""
     named = (run.settings.model, run.settings.record, run.reference.file if run.reference else None)
-    return [Path(name) for name in named if name is not None]
+    profiles = [device.profile.partition(":")[0] for device in run.documents.rig.devices]
+    own_profiles = [name for name in profiles if name.endswith(".toml")]
+    return [Path(name) for name in (*named, *own_profiles) if name is not None]
 
 
 def check_complete(settings: RunSettings) -> None:
@@ -203,7 +224,14 @@ def _with_paths(settings: RunSettings, folder: Path) -> RunSettings:
 
 
 def _content_digest(path: Path) -> bytes:
+    with _opened(path) as file:
+        return hashlib.file_digest(file, "sha256").digest()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[BufferedReader]:
     try:
-        return hashlib.sha256(path.read_bytes()).digest()
+        with path.open("rb") as file:
+            yield file
     except OSError as error:
         raise ConfigError("cannot be read", where=path, value=error.strerror, cure="check the path") from None

@@ -92,12 +92,6 @@ def test_a_diameter_brings_its_own_data_sheet(planned):
     assert balance.resistance_cold_ohm == pytest.approx(sim.wire.resistance_cold_ohm)
 
 
-def test_the_fingerprint_depends_on_the_content_of_the_files(planned, tmp_path):
-    plan, later = planned(""), planned("[run.rig]\nrate_hz = 10.0\n")
-    assert plan.fingerprint == planned("# a comment\n").fingerprint
-    assert plan.fingerprint != later.fingerprint
-
-
 def test_a_grid_of_a_thousand_million_runs_is_an_error(planned):
     axes = "".join(
         f"[[vary]]\nsim.{key} = {{low = 0.1, high = 0.9, number = 1000}}\n"

@@ -1,0 +1,119 @@
+"""The fingerprint of a campaign: it depends on the content of all files, and not on their folder."""
+
+import shutil
+
+import pytest
+
+from smadrive.campaigns.campaign import check_plan
+from smadrive.campaigns.plan.plan import SAMPLED, load_plan
+from smadrive.errors import ConfigError
+from smadrive.files.shipped import configs_dir
+
+TRACK = """
+title = "x"
+[run]
+reference = "table"
+model = "wire.json"
+rig.file = "rig.toml"
+rig.model = "wire.json"
+sim.file = "sim.toml"
+[[vary]]
+seed = [1, 2]
+[references.table]
+file = "table.csv"
+"""
+FIT = """
+title = "x"
+[run]
+experiment = "fit"
+[[vary]]
+records = "*.csv"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a campaign, and with its own copies of all files that the runs read."""
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    shipped = configs_dir()
+    rig = (shipped / "rigs" / "in-process.toml").read_text(encoding="utf-8")
+    for name, own in (("sma-reference", "board.toml"), ("flexinol-lt-0.15mm", "wire.toml")):
+        assert f'"{name}"' in rig
+        rig = rig.replace(f'"{name}"', f'"{own}"')
+    (folder / "rig.toml").write_text(rig, encoding="utf-8")
+    shutil.copy(shipped / "devices" / "sma-reference.toml", folder / "board.toml")
+    shutil.copy(shipped / "wires" / "flexinol-lt-0.15mm.toml", folder / "wire.toml")
+    shutil.copy(shipped / "sims" / "flexinol-lt-0.15mm.toml", folder / "sim.toml")
+    for name in ("wire.json", "table.csv"):
+        (folder / name).write_text(name)
+    (folder / "campaign.toml").write_text(TRACK)
+    return folder
+
+
+def fingerprint(folder):
+    return load_plan(str(folder / "campaign.toml")).fingerprint
+
+
+def copied(folder, name):
+    """A copy of a folder. A file that was read in one folder may be kept in memory, so a changed one needs its own."""
+    return shutil.copytree(folder, folder.with_name(name))
+
+
+def test_copy_of_a_campaign_has_its_fingerprint(folder):
+    assert fingerprint(folder) == fingerprint(copied(folder, "copy"))
+
+
+@pytest.mark.parametrize(
+    ("name", "before", "after"),
+    [
+        ("board.toml", "response_timeout_ms = 60", "response_timeout_ms = 61"),
+        ("rig.toml", "current_max_a = 0.6", "current_max_a = 0.5"),
+        ("sim.toml", "stroke_mm = 12.0", "stroke_mm = 11.0"),
+        ("wire.toml", "ambient_c = 22.0", "ambient_c = 23.0"),
+        ("campaign.toml", "seed = [1, 2]", "seed = [1, 3]"),
+        ("wire.json", "wire", "other"),
+        ("table.csv", "table", "other"),
+    ],
+)
+def test_content_of_every_file_counts(folder, name, before, after):
+    copy = copied(folder, "copy")
+    text = (copy / name).read_text(encoding="utf-8")
+    assert before in text
+    (copy / name).write_text(text.replace(before, after, 1), encoding="utf-8")
+    assert fingerprint(folder) != fingerprint(copy)
+
+
+def test_comment_in_a_file_does_not_count(folder):
+    copy = copied(folder, "copy")
+    for name in ("campaign.toml", "rig.toml", "board.toml", "wire.toml", "sim.toml"):
+        path = copy / name
+        path.write_text("# a comment\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
+    assert fingerprint(folder) == fingerprint(copy)
+
+
+@pytest.fixture
+def many_records(tmp_path):
+    """The plan of a campaign with more runs than a sample has, and the record of a run that is not in the sample."""
+    (tmp_path / "campaign.toml").write_text(FIT)
+    for number in range(2 * SAMPLED):
+        (tmp_path / f"{number}.csv").touch()
+    plan = load_plan(str(tmp_path / "campaign.toml"))
+    left_out = min(set(range(plan.count)) - {run.number for run in plan.sample()})
+    return plan, tmp_path / plan.run(left_out).settings.record
+
+
+def test_record_of_a_run_outside_the_sample_counts(many_records):
+    plan, record = many_records
+    before = plan.fingerprint
+    record.write_text("changed")
+    assert load_plan(str(plan.path)).fingerprint != before
+
+
+def test_missing_record_of_a_run_outside_the_sample_is_found(many_records):
+    plan, record = many_records
+    check_plan(plan)
+    record.unlink()
+    with pytest.raises(ConfigError) as caught:
+        check_plan(plan)
+    assert caught.value.where == str(record)
