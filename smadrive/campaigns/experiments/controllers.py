@@ -3,8 +3,8 @@
 inverse          the controller of `smadrive run`, on the identified model
 duhem-inverse    the same controller on a Duhem model that is fitted to the same record
 plain-map        the same controller with a static temperature map, without hysteresis
-feedback-only    no feedforward: a PI controller from displacement to power. Without a displacement sensor: only the
-                 temperature feedback, whose setpoint comes from the static map
+feedback-only    no feedforward: a PI controller from displacement to power. If the displacement does not come from a
+                 sensor: only the temperature feedback, whose setpoint comes from the static map
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from smadrive.control.feedforward.displacement import DisplacementInverse, Hyste
 from smadrive.control.feedforward.static_map import StaticMap
 from smadrive.control.references.reference import Reference
 from smadrive.identification.wire import identify_hysteresis
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.controllers import tracking_settings
 from smadrive.wire.wire_model import WireModel
 
@@ -82,7 +82,7 @@ def controller_of(
     plain = _static_map(knowledge, wire)
     if name == "plain-map":
         return TrackingController(reference, wire, plain, settings), plain
-    if run.settings.displacement_sensor:
+    if run.settings.displacement_sensor and settings.displacement_from is DisplacementFrom.SENSOR:
         return DisplacementPI(reference, wire, settings.current_limit_a), plain
     return TrackingController(reference, wire, plain, replace(settings, feedforward_share=0.0)), plain
 

@@ -1,10 +1,12 @@
-"""The PI controller that a campaign compares with the inverse: its gain, and a missing displacement."""
+"""The PI controller that a campaign compares with the inverse: its gain, a missing displacement, and its use."""
 
 from math import nan
 
 import pytest
 
-from smadrive.campaigns.experiments.controllers import DisplacementPI
+from smadrive.campaigns.experiments.controllers import DisplacementPI, controller_of
+from smadrive.campaigns.experiments.identification import wire_of_model
+from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
@@ -37,3 +39,19 @@ def test_gain_hardly_depends_on_a_range_that_ends_within_the_transformation():
     """Up to 97 °C the wire has some 92 % of its travel, and nearly the same slopes."""
     whole, cut = (controller(hot_c)._gain_w_per_mm for hot_c in (140.0, 97.0))
     assert cut == pytest.approx(whole, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("settings", "kind"),
+    [
+        ("", DisplacementPI),
+        ("displacement_sensor = false", TrackingController),
+        ('rig.displacement_from = "none"', TrackingController),
+        ('rig.displacement_from = "resistance"', TrackingController),
+    ],
+)
+def test_feedback_uses_the_displacement_of_a_sensor_only(short_campaign, settings, kind):
+    run = short_campaign(run=f'controller = "feedback-only"\n{settings}').run(0)
+    knowledge = wire_of_model(run.settings.model)
+    wire = WireModel(knowledge.wire.model, BALANCE)
+    assert type(controller_of(run, knowledge, wire, REFERENCE)[0]) is kind
