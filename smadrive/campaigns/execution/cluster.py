@@ -12,6 +12,7 @@ from __future__ import annotations
 import importlib.util
 import logging
 import os
+import platform
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -19,6 +20,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
+from smadrive.campaigns.versions import PACKAGES, versions
 from smadrive.errors import ConfigError, TransportError
 from smadrive.numerics.blas_threads import ONE_THREAD
 
@@ -80,7 +82,7 @@ def local_client(workers: int) -> Iterator[Client]:
 def remote_client(address: str) -> Iterator[Client]:
     """Yield the client of the scheduler at `address`, and leave the cluster running.
 
-    ConfigError for a malformed address, for missing certificates, and for another version of smadrive on a worker.
+    ConfigError for a malformed address, for missing certificates, and for other versions of the packages on a worker.
     TransportError when no scheduler answers there.
     """
     check_address(address)
@@ -110,12 +112,23 @@ def _silence_logs() -> None:
 
 
 def _check_versions(client: Client) -> None:
-    """Raise ConfigError if a worker has another version of smadrive, whose runs may be different."""
-    own = version("smadrive")
-    for worker, found in client.run(version, "smadrive", on_error="return").items():
-        if found != own:
-            where, cure = f"worker {worker}", "install the same version of smadrive on all workers"
-            raise ConfigError("another version of smadrive", where=where, value=str(found), limit=own, cure=cure)
+    """Raise ConfigError if a worker has another version of Python or of a package than this command.
+
+    Its runs may be different, and the provenance of the results names the versions of the command.
+    """
+    own = versions()
+    found = {name: client.run(version, name, on_error="return") for name in PACKAGES}
+    found["python"] = client.run(platform.python_version)
+    for name, by_worker in found.items():
+        for worker, number in by_worker.items():
+            if number != own[name]:
+                raise ConfigError(
+                    f"another version of {name} than that of this command, so its runs may differ",
+                    where=f"worker {worker}",
+                    value=str(number),
+                    limit=own[name],
+                    cure=f"install {name} {own[name]} on all workers",
+                )
 
 
 def check_address(address: str) -> None:

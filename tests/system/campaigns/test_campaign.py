@@ -56,15 +56,19 @@ def test_the_worst_logs_are_those_of_their_runs(campaign):
 
 @pytest.fixture
 def scheduler(tmp_path):
-    """A cluster that the command does not own: its address, and its scheduler's process."""
+    """A cluster that the command does not own: its address, and its scheduler's process.
+
+    `start(port, environment)`: the workers have these further variables in their environment.
+    """
     processes = []
 
-    def start(port):
+    def start(port, environment=None):
         address = f"tcp://127.0.0.1:{port}"
         command = (sys.executable, "-m", "distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", str(port))
         processes.append(subprocess.Popen([*command, "--no-dashboard"], stderr=subprocess.DEVNULL, cwd=tmp_path))
         worker = (sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-dashboard")
-        processes.append(subprocess.Popen([*worker, "--nworkers", "2"], stderr=subprocess.DEVNULL, cwd=tmp_path))
+        options = {"stderr": subprocess.DEVNULL, "cwd": tmp_path, "env": os.environ | (environment or {})}
+        processes.append(subprocess.Popen([*worker, "--nworkers", "2"], **options))
         with Client(address, timeout=120) as client:
             client.wait_for_workers(2)
         return address, processes[-2]
@@ -87,6 +91,22 @@ def test_a_campaign_goes_on_after_its_scheduler_was_killed(campaign, scheduler, 
     assert "Traceback" not in err
     resumed = campaign.run("folder", "--resume")
     assert resumed["sha256"] == campaign.run("whole")["sha256"]
+
+
+@pytest.mark.filterwarnings("ignore:Mismatched versions")  # the client of this test sees it, too
+def test_workers_with_another_version_of_a_package_are_refused(campaign, scheduler, free_port, tmp_path):
+    installed = tmp_path / "other" / "numpy-1.0.dist-info"
+    installed.mkdir(parents=True)
+    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 1.0\n")
+    path = os.pathsep.join((str(installed.parent), os.environ.get("PYTHONPATH", "")))
+    address, _ = scheduler(free_port(), {"PYTHONPATH": path})
+    process = campaign.start("folder", "--scheduler", address)
+    _, err = process.communicate()
+    assert process.returncode == 2
+    assert "numpy" in err
+    assert "1.0" in err
+    assert "Traceback" not in err
+    assert not (campaign.folder / "folder").exists()
 
 
 @pytest.mark.parametrize(
