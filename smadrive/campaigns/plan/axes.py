@@ -132,10 +132,11 @@ def _grid(grid: GridConfig, where: str) -> list[float]:
 
 
 def _files(pattern: str, folder: Path, where: str) -> list[str]:
-    found = sorted(glob(str(folder / pattern), recursive=True))  # noqa: PTH207 (a pattern may be an absolute path)
+    # brackets in the path of the folder are no pattern; the pattern may be an absolute path, unlike that of Path.glob
+    found = sorted(glob(pattern, root_dir=folder, recursive=True))  # noqa: PTH207
     if not found:
         raise ConfigError("no file has a name of this pattern", where=f"{where}: records", value=str(folder / pattern))
-    return [str(Path(path).absolute()) for path in found]
+    return [str((folder / path).absolute()) for path in found]
 
 
 def _levels(config: AxisConfig, values: list[Any], folder: Path, where: str) -> tuple[Level, ...]:

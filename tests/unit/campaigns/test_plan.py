@@ -183,12 +183,20 @@ def test_a_missing_model_is_an_error(planned):
     assert caught.value.where.endswith("nowhere.json")
 
 
-def test_records_are_an_axis_of_files(planned, tmp_path):
+@pytest.mark.parametrize("folder", ["reel", "reel [2026]"])
+@pytest.mark.parametrize("is_absolute", [False, True])
+def test_records_are_an_axis_of_files(tmp_path, folder, is_absolute):
+    reel, campaigns = tmp_path / "records", tmp_path / folder
+    reel.mkdir()
+    campaigns.mkdir()
     for name in ("b.csv", "a.csv"):
-        (tmp_path / name).write_text("temperature_c,displacement_mm\n20,0\n21,0\n")
-    plan = planned("[[vary]]\nrecords = '*.csv'\n", base="title = 'reel'\n[run]\nexperiment = 'fit'\n")
-    assert [plan.run(n).levels["record"] for n in range(plan.count)] == ["a.csv", "b.csv"]
-    assert plan.run(0).settings.record == str(tmp_path / "a.csv")
+        (reel / name).write_text("temperature_c,displacement_mm\n20,0\n21,0\n")
+    pattern = reel / "*.csv" if is_absolute else "../records/*.csv"
+    text = f"title = 'reel'\n[run]\nexperiment = 'fit'\n[[vary]]\nrecords = '{pattern}'\n"
+    (campaigns / "campaign.toml").write_text(text)
+    plan = load_plan(str(campaigns / "campaign.toml"))
+    assert [plan.run(n).levels["record"] for n in range(plan.count)] == ["../records/a.csv", "../records/b.csv"]
+    assert Path(plan.run(0).settings.record).samefile(reel / "a.csv")
 
 
 @pytest.mark.parametrize("path", CAMPAIGNS, ids=lambda path: path.stem)
