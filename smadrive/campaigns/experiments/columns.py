@@ -43,7 +43,7 @@ FIT = {
     "fit_rms_percent": ResultColumn("%", "RMS error of the fit, of the span of the record"),
     "fit_max_percent": ResultColumn("%", "largest error of the fit, of the span of the record"),
     "certified": ResultColumn("1", "the identified model has its certificate", bool),
-    "excitation_s": ResultColumn("s", "duration of the record"),
+    "excitation_s": ResultColumn("s", "duration of the excitation; NaN for the fit of a record"),
     "identified_stroke_mm": ResultColumn("mm", "identified stroke"),
     "identified_heat_capacity_j_per_k": ResultColumn("J/K", "identified heat capacity"),
     "identified_loss_w_per_k": ResultColumn("W/K", "identified heat loss"),

@@ -29,7 +29,7 @@ WIDE_RATIO = 30.0
 
 
 def distribution_plot(table: DataFrame, metric: str) -> Plot:
-    """Return the histogram of the metric over all runs, with median, 90 % quantile and largest value.
+    """Return the histogram of the metric over all runs that have a value, with median, 90 % quantile and largest value.
 
     At least one run must have a value.
     """
@@ -40,7 +40,7 @@ def distribution_plot(table: DataFrame, metric: str) -> Plot:
     edges = np.geomspace(low, high, BINS + 1) if wide else np.linspace(low, high or 1.0, BINS + 1)
     ax.hist(values, bins=edges.tolist() if high > low else 10, color=MEASURED, alpha=0.75)
     ax.set_axisbelow(True)
-    marks = {"median": (50, SETPOINT, "-"), "90 % of the runs": (90, SETPOINT, "--"), "worst": (100, LIMIT, ":")}
+    marks = {"median": (50, SETPOINT, "-"), "90 % of these runs": (90, SETPOINT, "--"), "worst": (100, LIMIT, ":")}
     for label, (percentile, colour, style) in marks.items():
         value = float(np.percentile(values, percentile))
         ax.axvline(value, color=colour, ls=style, lw=1.2, label=f"{label}: {value:.3g}")

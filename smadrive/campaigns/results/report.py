@@ -69,8 +69,6 @@ def summary_grid(by: Sequence[str], metric: str, rows: Sequence[SummaryRow]) -> 
 def _end(plan: CampaignPlan, table: DataFrame) -> Banner:
     counts = table["status"].value_counts()
     tripped, failed = int(counts.get("tripped", 0)), int(counts.get("failed", 0))
-    if len(table) < plan.count:
-        return Banner("warning", f"Interrupted: {len(table)} of {plan.count} runs are done. Go on with --resume.")
     if tripped or failed:
         return Banner("warning", f"Complete: {plan.count} runs, of which {tripped} tripped and {failed} failed.")
     return Banner("good", f"Complete: {plan.count} runs, without a trip or a failure.")
@@ -80,7 +78,7 @@ def _tiles(table: DataFrame, metric: str) -> list[tuple[str, str]]:
     (all_runs,) = summarized(table, metric, ())
     return [
         (level_text(all_runs.median), f"median of {metric}"),
-        (level_text(all_runs.high), "90 % of the runs are below"),
+        (level_text(all_runs.high), "90 % of the runs that have a value are below"),
         (level_text(all_runs.worst), "worst"),
         (f"{all_runs.tripped} / {all_runs.failed}", "tripped / failed"),
     ]

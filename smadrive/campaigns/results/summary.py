@@ -1,7 +1,8 @@
 """Median and worst of a metric for each combination of values, and the worst runs.
 
 A run that tripped or failed has no tracking error. The summary counts these runs in columns of their own, and they rank
-as worse than every other run, whatever the metric.
+as worse than every other run, whatever the metric. Other metrics of a run that tripped are those up to the trip: they
+count like those of any run.
 """
 
 from __future__ import annotations

@@ -64,6 +64,7 @@ def test_a_failed_run_is_a_row_with_its_error(client, short_campaign, tmp_path):
     assert (table["error"] != "").all()
     assert table["rms_percent"].isna().all()
     assert table["stroke_mm"].notna().all()
+    assert list(table["energy_j"].notna()) == [True, False] * 2
 
 
 def test_run_that_this_machine_could_not_execute_is_repeated(client, short_campaign, tmp_path):
