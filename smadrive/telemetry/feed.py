@@ -51,6 +51,7 @@ class RunFeed(TickFeed):
             end=PublishedEnd.switched_off(confirmed=confirmed),
             fault=None if fault is None else str(fault),
             fault_type=None if fault is None else type(fault).__name__,
+            limited_by=[],  # there is no output any more that a limit could hold back
         )
 
     def begin(self, rig: Rig) -> None:

@@ -7,7 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from smadrive.control.controllers.interface import Command
+from smadrive.control.loop import Tick
 from smadrive.errors import StoppedError, TripError
+from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.stream.published_state import PublishedMode
@@ -76,6 +79,18 @@ def faults_after(error):
         with pytest.raises(type(error)):
             end(writer)
         return faults_message(writer.published)
+
+
+def test_no_limit_holds_the_output_back_after_the_end():
+    config = load_rig("in-process")
+    with SharedWriter() as writer:
+        with RunFeed(writer, config, PublishedMode.TRACKING) as feed:
+            with Rig(config) as rig:
+                feed.begin(rig)
+            feed.tick(Tick(0.0, 0.0, Measurement(0.0, 20.0, 0.1, 1.6, device_limits=("current",)), Command(0.1)))
+            assert state_message(writer.published, "run")["limited_by"] == ["current"]
+        ended = state_message(writer.published, "run")
+    assert (ended["mode"], ended["limited_by"]) == ("off", [])
 
 
 def stopped(cause):
