@@ -11,8 +11,13 @@ from peers.mosquitto import wait_for
 
 pytest.importorskip("paho.mqtt.client", reason="needs paho-mqtt (extra `mqtt`)")
 
+from smadrive.cli.live.publishing import open_publication
+from smadrive.cli.terminal.output import Output
+from smadrive.rig.config import load_rig
+from smadrive.stream.shared_memory import SharedWriter
 from smadrive.telemetry.address import parse_address
 from smadrive.telemetry.broker import Broker
+from smadrive.telemetry.schema import topic_of
 
 
 def test_message_without_a_connection_is_not_confirmed():
@@ -63,3 +68,15 @@ def test_refused_subscription_is_a_trouble_of_a_connected_broker(granted, is_ref
             assert ("rig/off" in broker.trouble) == is_refused
         finally:
             broker.close()
+
+
+def test_command_warns_that_off_has_no_effect(capsys):
+    config = load_rig("in-process").model_copy(update={"off_by_mqtt": True})
+    with (
+        broker_that_answers(REFUSED) as port,
+        SharedWriter() as writer,
+        open_publication(f"mqtt://127.0.0.1:{port}", config, "run", writer, Output(as_json=False)) as publication,
+    ):
+        topic = topic_of(publication.address.prefix, config.name, "off")
+        assert topic in publication.counts.trouble
+        assert topic in capsys.readouterr().out
