@@ -146,9 +146,7 @@ class HysteresisInverse:
         else:
             found = self._reach(state, setpoint_mm)
         hottest_c = self._branches.heating_c(setpoint_mm) + BEYOND_C
-        if found.temperature_c <= hottest_c:
-            return found
-        return TemperatureTarget(hottest_c, 0.0, found.displacement_mm, reachable=False)
+        return found if found.temperature_c <= hottest_c else found._replace(temperature_c=hottest_c, k_per_mm=0.0)
 
     def _waits(
         self, state: HysteresisState, lead: float, toward: float, direction: int, cooling_s: CoolingTime
@@ -238,9 +236,9 @@ class DisplacementFeedforward:
             return self._balance.cooling_s(from_c + estimate.shift_c, to_c + estimate.shift_c)
 
         target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s, cooling_s)
-        moved_per_s = rate_mm_per_s / self._travel_mm if target.k_per_mm else 0.0
+        rate_c_per_s = target.k_per_mm * rate_mm_per_s
         temperature_c = target.temperature_c + estimate.shift_c
-        power_w = self._balance.power_w(temperature_c, target.k_per_mm * rate_mm_per_s, moved_per_s)
+        power_w = self._balance.power_w(temperature_c, rate_c_per_s, rate_mm_per_s / self._travel_mm)
         return Feedforward(temperature_c, power_w - estimate.disturbance_w, target.displacement_mm, target.reachable)
 
     def hold(self, estimate: WireEstimate, temperature_c: float, displacement_mm: float) -> Feedforward:
