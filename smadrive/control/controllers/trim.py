@@ -41,7 +41,7 @@ class DisplacementTrim:
         """Return the new trim, mm, `dt_s` seconds after the trim was `trim_mm`.
 
         `error_mm` and `error_c` are setpoint - process value of displacement and temperature. The trim stays constant
-        while `error_c` exceeds `FOLLOWS_C` in absolute value. Infinity stands for the other cases in which it does so.
+        while `error_c` exceeds `FOLLOWS_C` in absolute value; it is infinite in the other cases above.
         """
         if abs(error_c) > FOLLOWS_C:
             return trim_mm
