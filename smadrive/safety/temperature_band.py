@@ -20,7 +20,9 @@ change:
     C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire that warms, P the power, P₀ the power at the last change
 
 Δ is the temperature change of the wire since the last change of the reading. Errors of the heat balance cancel, because
-they are the same at both times. A large Δ with a constant reading is a fault.
+they are the same at both times. A large Δ with a constant reading is a fault. P₀ stands for the heat loss at that time.
+While the power changes, the heat loss follows it with the time constant of the wire, so P₀ is also taken as the mean
+power with this time constant, and the smaller Δ counts.
 
 A reading that changes may still rise too little. The least rise R of the wire by the power of the last second is
 
@@ -129,7 +131,8 @@ class TemperatureBand:
         self._ambient_c = balance.ambient_c
         self._coldest = BoundingWire(most_w_per_k, min, warming_j_per_k=slow, cooling_j_per_k=quick)
         self._hottest = BoundingWire(least_w_per_k, max, warming_j_per_k=quick, cooling_j_per_k=slow)
-        self._unseen = SimpleWire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=slow)
+        self._unseen = tuple(SimpleWire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=slow) for _ in range(2))
+        self._time_constant_s = balance.time_constant_s
         self._lag_s = lag_s
         self._last = last
         self._time_s: float | None = None
@@ -169,6 +172,7 @@ class TemperatureBand:
         self._hottest.start(reading_c, max(self._ambient_c, reading_c) + SURROUNDINGS_C)
         self._phase = 0.0
         self._mean_c, self._mean_w, self._rise_k, self._shown_k = reading_c, 0.0, 0.0, 0.0
+        self._lost_w = 0.0
         self._changed(reading_c, 0.0)
 
     def update(self, reading_c: float, power_w: float, time_s: float, at_least: AtLeast = UNBOUNDED) -> Band:
@@ -208,15 +212,20 @@ class TemperatureBand:
         return max(self._shown_k - max(reading_c - self._mean_c, 0.0), 0.0)
 
     def _unseen_c(self, reading_c: float, power_w: float, dt_s: float) -> float:
+        self._lost_w = power_w + (self._lost_w - power_w) * exp(-dt_s / self._time_constant_s)
         if reading_c != self._reading_c:
             self._changed(reading_c, power_w)
             return 0.0
         self._still_s += dt_s
-        moved_c = abs(self._unseen.step(power_w - self._power_then_w, dt_s))
-        return moved_c if self._still_s > self._lag_s else 0.0
+        moved_c = [
+            abs(wire.step(power_w - then_w, dt_s))
+            for wire, then_w in zip(self._unseen, self._powers_then_w, strict=True)
+        ]
+        return min(moved_c) if self._still_s > self._lag_s else 0.0
 
     def _changed(self, reading_c: float, power_w: float) -> None:
         self._reading_c = reading_c
-        self._power_then_w = power_w
+        self._powers_then_w = power_w, self._lost_w
         self._still_s = 0.0
-        self._unseen.start(0.0, 0.0)
+        for wire in self._unseen:
+            wire.start(0.0, 0.0)

@@ -15,8 +15,9 @@ from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
-from smadrive.safety.temperature_band import IDENTIFIED, NOMINAL, TemperatureBand
+from smadrive.safety.temperature_band import FROZEN_C, IDENTIFIED, NOMINAL, TemperatureBand
 from smadrive.wire.data_sheet import load_data_sheet
+from smadrive.wire.heat_balance import BalanceSource
 
 NOMINAL_BALANCE = load_data_sheet("flexinol-lt-0.15mm").heat_balance()
 TICK_S = 0.05
@@ -191,6 +192,19 @@ def test_frozen_reading_trips_before_the_wire_is_too_hot(uncertainty):
     trip = run(supervised(NOMINAL_BALANCE, uncertainty), wire, [0.7] * 40 + [6.0] * 100, read)
     assert trip.fault is Fault.SENSOR_FROZEN
     assert wire.temperature_c < 130.0
+
+
+def test_coarse_reading_that_last_changed_in_a_pulse_of_power_is_not_frozen():
+    """At the last change the power was high, because the wire was colder a moment before. A recorded run at 4 Hz."""
+    balance = replace(NOMINAL_BALANCE, source=BalanceSource.IDENTIFIED)
+    band, unseen_c = TemperatureBand(balance, IDENTIFIED, 0.5), []
+    held_w = balance.power_w(79.0, 0.0, 0.0)
+    shares = [1.0] * 20 + [0.12, 0.95, 1.25] + [1.0, 0.75, 1.0, 0.95, 1.0, 0.95]
+    readings_c = [83.0 + n % 2 for n in range(20)] + [80.0, 77.0] + [78.0] * 7
+    band.start(83.0, 0.0)
+    for n, (share, reading_c) in enumerate(zip(shares, readings_c, strict=True), start=1):
+        unseen_c.append(band.update(reading_c, share * held_w, 0.3 * n).unseen_c)
+    assert max(unseen_c) < FROZEN_C
 
 
 def test_wire_that_must_be_too_hot_trips_at_any_reading():
