@@ -13,8 +13,8 @@ from smadrive.scripting.servo import Servo
 def end_servo(servo: Servo, rig: OpenRig) -> None:
     """Stop a servo. Switch the heater off again if its run ended without a confirmation and the rig is open.
 
-    The error of the run is not raised: the status of the interrupted motion has failed with it. This holds for an
-    emergency stop, too. It is not an Exception, and a run engine that stops several devices would stop no further one.
+    The error of the run is not raised: the status of the interrupted motion has failed with it. StoppedError is not an
+    Exception: raised here, it would keep a run engine from stopping its other devices.
     """
     with suppress(Exception, StoppedError):
         servo.stop()

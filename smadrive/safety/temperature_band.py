@@ -20,9 +20,9 @@ change:
     C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire that warms, P the power, P₀ the power at the last change
 
 Δ is the temperature change of the wire since the last change of the reading. Errors of the heat balance cancel, because
-they are the same at both times. A large Δ with a constant reading is a fault. P₀ stands for the heat loss at that time.
-While the power changes, the heat loss follows it with the time constant of the wire, so P₀ is also taken as the mean
-power with this time constant, and the smaller Δ counts.
+they are the same at both times. A large Δ with a constant reading is a fault. P₀ stands for the heat loss at that time,
+which follows the power with the time constant of the wire. So Δ is computed a second time, with the mean power of this
+time constant as P₀, and the smaller Δ counts.
 
 A reading that changes may still rise too little. The least rise R of the wire by the power of the last second is
 

@@ -93,17 +93,13 @@ class ReversalPreview:
         self._seen_s = max(0.5 * self._horizon_s, LEAST_PERIODS * period_s)
 
     def update(
-        self,
-        estimate: WireEstimate,
-        reference: Reference,
-        time_s: float,
-        direction: int,
-        power_w: tuple[float, float],
+        self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, power_w: float
     ) -> Reversal | None:
         """Return the reversal that must begin now, at `time_s`, or None if the wire must continue in `direction`.
 
         `estimate` is the estimated state of the wire. `direction` is +1 towards the hot end of the travel, -1 towards
-        the cold end. `power_w` is the least and the largest power.
+        the cold end. `power_w` is the power with which the wire would reverse: the least power if it must cool,
+        otherwise the largest.
         """
         upward = direction / self._wire.travel_mm > 0
         reverses_s = reference.next_reversal_s(time_s, 1 if upward else -1)
@@ -118,19 +114,14 @@ class ReversalPreview:
         return Reversal(meets_s, meets_mm, meets_c, -direction)
 
     def _shortfalls(
-        self,
-        estimate: WireEstimate,
-        reference: Reference,
-        time_s: float,
-        direction: int,
-        power_w: tuple[float, float],
+        self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, power_w: float
     ) -> Iterator[tuple[float, float]]:
         """Simulate a wire that reverses now. Yield times, each with the distance of wire and reference in strokes.
 
         The distance is positive while the wire falls short of the reference.
         """
         state = WireState(estimate.temperature_c, estimate.hysteresis)
-        heated_w = power_w[direction < 0] + estimate.disturbance_w
+        heated_w = power_w + estimate.disturbance_w
         step_s, ahead = self._horizon_s / POINTS, direction / self._wire.travel_mm
         for _ in range(POINTS):
             state = self._wire.step(state, heated_w, step_s)

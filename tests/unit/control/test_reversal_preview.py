@@ -18,7 +18,6 @@ FALLING = DuhemModel.gaussian(
     mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-12, offset=12, input_range=(0, 160)
 )
 BALANCE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
-LIMIT_W = 5.9
 PEAK_S = 10.0
 
 
@@ -41,7 +40,7 @@ def leaves_s(reference, model=LOOP):
     """Return the time at which the wire leaves the heating branch."""
     preview = ReversalPreview(WireModel(model, BALANCE), 0.02)
     for time_s in np.arange(8.0, PEAK_S + 0.01, 0.02).tolist():
-        if turn := preview.update(at(reference, time_s, model), reference, time_s, 1, (0.0, LIMIT_W)):
+        if turn := preview.update(at(reference, time_s, model), reference, time_s, 1, 0.0):
             return time_s, turn
     return None
 
@@ -81,7 +80,7 @@ def test_displacement_that_falls_on_heating_reverses_at_the_same_time():
 def test_no_reversal_begins_far_from_the_peak():
     reference = peak()
     preview = ReversalPreview(WireModel(LOOP, BALANCE), 0.02)
-    assert preview.update(at(reference, 5.0), reference, 5.0, 1, (0.0, LIMIT_W)) is None
+    assert preview.update(at(reference, 5.0), reference, 5.0, 1, 0.0) is None
 
 
 def test_reversal_is_over_at_or_beyond_the_meeting_point():
