@@ -21,6 +21,7 @@ from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.campaigns.results.report import write_campaign_report
 from smadrive.campaigns.results.summary import check_report, worst_first
 from smadrive.campaigns.results.table import EFFORT, RESULTS, effort_table, results_table, write_table
+from smadrive.campaigns.versions import versions, with_versions
 from smadrive.files.atomic import replacing
 
 if TYPE_CHECKING:
@@ -107,5 +108,6 @@ def write_worst_logs(client: Client, plan: CampaignPlan, table: DataFrame, folde
 def _log_contents(client: Client, runs: list[PlannedRun]) -> list[bytes]:
     """Execute the runs with logs on the cluster. Return the content of each log."""
     with naming_a_lost_scheduler():
-        contents: list[bytes] = client.gather(client.map(logged_run, runs, pure=False))
+        futures = [client.submit(with_versions, versions(), logged_run, run, pure=False) for run in runs]
+        contents: list[bytes] = client.gather(futures)
     return contents

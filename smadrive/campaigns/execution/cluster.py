@@ -20,7 +20,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from smadrive.campaigns.versions import PACKAGES, versions
+from smadrive.campaigns.versions import PACKAGES, check_version, versions
 from smadrive.errors import ConfigError, TransportError
 from smadrive.numerics.blas_threads import ONE_THREAD
 
@@ -114,21 +114,14 @@ def _silence_logs() -> None:
 def _check_versions(client: Client) -> None:
     """Raise ConfigError if a worker has another version of Python or of a package than this command.
 
-    Its runs may be different, and the provenance of the results names the versions of the command.
+    The provenance of the results names the versions of the command. Workers without smadrive can be asked, too.
     """
     own = versions()
     found = {name: client.run(version, name, on_error="return") for name in PACKAGES}
     found["python"] = client.run(platform.python_version)
     for name, by_worker in found.items():
         for worker, number in by_worker.items():
-            if number != own[name]:
-                raise ConfigError(
-                    f"another version of {name} than that of this command, so its runs may differ",
-                    where=f"worker {worker}",
-                    value=str(number),
-                    limit=own[name],
-                    cure=f"install {name} {own[name]} on all workers",
-                )
+            check_version(name, number, own[name], f"worker {worker}")
 
 
 def check_address(address: str) -> None:

@@ -25,6 +25,7 @@ from smadrive.campaigns.experiments.run import (
     needs_identification,
 )
 from smadrive.campaigns.plan.plan import CampaignPlan
+from smadrive.campaigns.versions import versions, with_versions
 from smadrive.errors import TransportError
 
 if TYPE_CHECKING:
@@ -86,9 +87,11 @@ def _submissions(
         first = plan.run(group[0])
         knowledge = None
         if needs_identification(first):
-            knowledge = client.submit(identify, first, key=f"{identification_key(first)}-{token}")
+            key = f"{identification_key(first)}-{token}"
+            knowledge = client.submit(with_versions, versions(), identify, first, key=key)
         for number in group:
-            yield number, client.submit(execute, plan.run(number), knowledge, key=f"run-{number}-{token}")
+            run, key = plan.run(number), f"run-{number}-{token}"
+            yield number, client.submit(with_versions, versions(), execute, run, knowledge, key=key)
 
 
 @contextmanager

@@ -28,7 +28,7 @@ from smadrive.campaigns.experiments.identification import (
 from smadrive.campaigns.experiments.simulated_rig import simulated_wire, wire_row
 from smadrive.campaigns.experiments.tracking import tracking_row
 from smadrive.campaigns.plan.plan import PlannedRun, files_of
-from smadrive.errors import SmadriveError
+from smadrive.errors import DataError, SmadriveError
 
 
 class RunFailure(NamedTuple):
@@ -110,11 +110,18 @@ def execute(run: PlannedRun, knowledge: WireKnowledge | RunFailure | None = None
 
 
 def logged_run(run: PlannedRun) -> bytes:
-    """Execute a tracking run again with a log, and return the content of the log."""
-    with TemporaryDirectory() as folder:
-        log_file = Path(folder) / "run.h5"
-        tracking_row(run, _knowledge(run), log_file)
-        return log_file.read_bytes()
+    """Execute a tracking run again with a log, and return the content of the log.
+
+    DataError when the folder for temporary files cannot be used.
+    """
+    try:
+        with TemporaryDirectory() as folder:
+            log_file = Path(folder) / "run.h5"
+            tracking_row(run, _knowledge(run), log_file)
+            return log_file.read_bytes()
+    except OSError as error:
+        where, cure = f"folder for temporary files on {platform.node()}", "make room there, and go on with --resume"
+        raise DataError("no log can be written", where=where, value=error.strerror, cure=cure) from None
 
 
 def _outcome(run: PlannedRun, knowledge: WireKnowledge | RunFailure | None) -> tuple[Row, str, bool]:

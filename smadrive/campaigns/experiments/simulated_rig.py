@@ -16,6 +16,7 @@ from smadrive.campaigns.experiments.columns import Row
 from smadrive.campaigns.plan.config import DisturbanceConfig
 from smadrive.campaigns.plan.documents import changed_sim
 from smadrive.campaigns.plan.plan import PlannedRun
+from smadrive.modbus.transports.transport import Transport
 from smadrive.rig.rig import Rig
 from smadrive.rig.simulation import SimulatedConnections
 
@@ -67,10 +68,8 @@ class SimulatedRig:
     def __init__(self, run: PlannedRun, sim: SimConfig, part: int) -> None:
         self._seed = noise_seed(run, part)
         self.simulated_bench = SimulatedBench(sim, self._seed)
-        connections = SimulatedConnections(self.simulated_bench)
-        config, data_sheet = run.documents.rig, run.documents.data_sheet
-        transports = {device.name: connections.transport(device) for device in config.devices}
-        self.rig = Rig(config, transports=transports, data_sheet=data_sheet)
+        transports = _transports(run, self.simulated_bench)
+        self.rig = Rig(run.documents.rig, transports=transports, data_sheet=run.documents.data_sheet)
 
     def plan_disturbance(self, disturbance: tuple[DisturbanceConfig, ...], scored_from_s: float) -> None:
         """Plan the faults of a disturbance. ConfigError for an unknown fault.
@@ -84,10 +83,17 @@ class SimulatedRig:
 
 
 def check_disturbance(run: PlannedRun) -> None:
-    """Raise ConfigError if a fault of the run is unknown, or has unknown parameters."""
-    simulated = SimulatedRig(run, run.documents.sim, TRACKING)
+    """Raise ConfigError if a fault of the run is unknown, or has unknown parameters. The rig need not be possible."""
+    simulated_bench = SimulatedBench(run.documents.sim, 0)
+    _transports(run, simulated_bench)
     script = FaultScript(faults=tuple(_entry(one, 0.0, Random(0)) for one in run.disturbance))
-    scheduled(script, simulated.simulated_bench.known_faults())
+    scheduled(script, simulated_bench.known_faults())
+
+
+def _transports(run: PlannedRun, simulated_bench: SimulatedBench) -> dict[str, Transport]:
+    """Add the devices of the run to the bench. Return their transports by the name of the device."""
+    connections = SimulatedConnections(simulated_bench)
+    return {device.name: connections.transport(device) for device in run.documents.rig.devices}
 
 
 def _entry(disturbance: DisturbanceConfig, begins_s: float, random: Random) -> FaultEntry:

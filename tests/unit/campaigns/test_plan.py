@@ -6,7 +6,7 @@ import pytest
 
 from smadrive.campaigns.campaign import check_plan
 from smadrive.campaigns.execution.scheduling import groups_of
-from smadrive.campaigns.experiments.run import identification_key
+from smadrive.campaigns.experiments.run import execute, identification_key
 from smadrive.campaigns.plan.axes import MOST_RUNS
 from smadrive.campaigns.plan.plan import load_plan
 from smadrive.errors import ConfigError, DataError
@@ -160,6 +160,15 @@ def test_an_unknown_parameter_of_a_fault_is_found_before_the_start(planned, para
     with pytest.raises(ConfigError) as caught:
         check_plan(planned(text))
     assert "draft" in caught.value.where
+
+
+def test_a_rig_that_is_not_possible_does_not_end_the_start_with_a_disturbance(planned):
+    """The current is too small for this wire. So the run becomes a failed row, as without a disturbance."""
+    text = "[[vary]]\ndisturbance = ['d']\n[[disturbances.d]]\nname = 'draft'\nat_s = 1.0\nfactor = 1.6\nfor_s = 5.0\n"
+    rig = "[run.rig.limits]\ncurrent_max_a = 0.01\n"
+    plan = planned(rig + text)
+    check_plan(plan)
+    assert execute(plan.run(0)).row["error_type"] == "ConfigError"
 
 
 @pytest.mark.parametrize(

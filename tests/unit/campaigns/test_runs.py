@@ -1,9 +1,11 @@
 """The runs of a campaign, on a cluster of one worker in this process."""
 
 import importlib
+import operator
 import os
 import subprocess
 import sys
+import tempfile
 
 import dask
 import pytest
@@ -11,8 +13,10 @@ from distributed import Client, LocalCluster, wait
 
 from smadrive.campaigns.execution.journal import Journal
 from smadrive.campaigns.execution.scheduling import _result_of, groups_of, run_all
-from smadrive.campaigns.experiments.run import execute
+from smadrive.campaigns.experiments.run import execute, logged_run
 from smadrive.campaigns.results.table import results_table, write_table
+from smadrive.campaigns.versions import versions, with_versions
+from smadrive.errors import ConfigError, DataError
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +92,22 @@ def test_failure_that_dask_reports_has_its_text_and_is_not_final(client):
     assert (result.row["status"], result.row["error_type"]) == ("failed", "ModuleNotFoundError")
     assert "no_such_module_of_python" in result.row["error"]
     assert not result.is_final
+
+
+def test_worker_with_other_versions_executes_no_task(client):
+    """A worker can join the cluster after the versions of all others were compared."""
+    own = versions()
+    assert client.submit(with_versions, own, operator.add, 1, 2).result() == 3
+    with pytest.raises(ConfigError) as caught:
+        client.submit(with_versions, own | {"numpy": "0.1"}, operator.add, 1, 2).result()
+    assert (caught.value.value, caught.value.limit) == (own["numpy"], "0.1")
+
+
+def test_log_on_a_full_disk_is_one_sentence(short_campaign, tmp_path, monkeypatch):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
+    with pytest.raises(DataError) as caught:
+        logged_run(short_campaign().run(0))
+    assert caught.value.cure
 
 
 @pytest.mark.exhaustive
