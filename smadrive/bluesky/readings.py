@@ -79,9 +79,12 @@ class Readings:
         return {key: {"value": value, **time_and_alarm} for key, value in self.values(sample).items()}
 
     def values(self, sample: WireSample) -> dict[str, float]:
-        """Return the values by the names of the readings."""
+        """Return the values by the names of the readings. A displacement sensor that is replaced gives NaN."""
+        unknown: tuple[str, ...] = () if sample.is_driven else OF_THE_COMMAND
+        if sample.tick.command.sensor_replaced:
+            unknown = (*unknown, "displacement_mm")
         return {
-            key: nan if column in OF_THE_COMMAND and not sample.is_driven else float(self._values[column](sample.tick))
+            key: nan if column in unknown else float(self._values[column](sample.tick))
             for key, column in self._columns.items()
         }
 
@@ -95,7 +98,7 @@ def alarm_of(tick: Tick) -> Alarm:
     """Return the alarm of a measurement.
 
     invalid   the temperature is invalid
-    major     the device has latched a fault
+    major     the device has latched a fault, or the displacement sensor is replaced
     minor     a limit holds the output back
     none      otherwise
     """
@@ -104,4 +107,6 @@ def alarm_of(tick: Tick) -> Alarm:
         return Alarm(3, measurement.temperature_fault)
     if measurement.device_faults:
         return Alarm(2, ", ".join(measurement.device_faults))
+    if tick.command.sensor_replaced:
+        return Alarm(2, COLUMNS["sensor_replaced"].label)
     return Alarm(1, ", ".join(measurement.limits)) if measurement.limits else Alarm(0, "")

@@ -19,6 +19,7 @@ from smadrive.runs.comparison.comparison import RunComparison
 from smadrive.runs.cycling.cycles import cycles_of
 from smadrive.runs.health.assessment import assessment_of, health_values
 from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.metrics.caveats import run_caveats
 from smadrive.runs.session_record import plain_events
 
 
@@ -55,7 +56,8 @@ def main(
     if csv_file is not None:
         check_output(csv_file, TABLE, log_file)
     log = read_log(log_file)
-    output.warn(log.caveats)
+    caveats = run_caveats(log)
+    output.warn(caveats)
     with output.progress(f"drawing {log_file.name}"):
         summary = write_log_report(page, log)
         if csv_file is not None:
@@ -68,7 +70,7 @@ def main(
             "csv_file": None if csv_file is None else str(csv_file),
             **_end(log),
             **asdict(summary),
-            "caveats": log.caveats,
+            "caveats": caveats,
             "events": [event._asdict() for event in plain_events(log)],
             **({} if (found := assessment_of(log)) is None else {"wire": health_values(found)}),
             **({"cycles": [asdict(one) for one in cycles]} if (cycles := cycles_of(log)) else {}),

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import isfinite
 from typing import NamedTuple, Protocol
 
 from smadrive.clock import Clock
@@ -67,6 +68,12 @@ class Tick(NamedTuple):
     late_s: float
     measurement: Measurement
     command: Command
+
+    @property
+    def reached_mm(self) -> float:
+        """The measured displacement, mm; the estimated one if none is measured, or if the sensor is replaced."""
+        measured_mm, command = self.measurement.displacement_mm, self.command
+        return command.estimated_mm if command.sensor_replaced or not isfinite(measured_mm) else measured_mm
 
 
 TickHandler = Callable[[Tick], None]

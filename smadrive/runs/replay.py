@@ -22,6 +22,7 @@ from smadrive.numerics.arrays import FloatArray
 from smadrive.rig.controllers import excitation_controller, step_controller, tracking_controller
 from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
+from smadrive.runs.metrics.tracking_error import measured_mm
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, step_of, wire_of
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -117,9 +118,9 @@ def _commands(log: Log, controller: Controller) -> Iterator[Command]:
 def prediction_percent(log: Log, estimated_mm: FloatArray, model: HysteresisModel) -> float:
     """Return the RMS of estimated minus measured displacement, in % of the stroke of `model`.
 
-    The result is NaN when the measurement or the estimate of any sample is missing.
+    The result is NaN when the measurement or the estimate of any sample is missing, or the sensor was replaced.
     """
-    residual = (estimated_mm - log.column_with_gaps("displacement_mm")) / travel_mm(model).stroke_mm
+    residual = (estimated_mm - measured_mm(log)) / travel_mm(model).stroke_mm
     return float(100.0 * np.sqrt(np.mean(residual**2)))
 
 

@@ -45,8 +45,8 @@ _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 class TickRecorder(Recorder):
     """Records the ticks of a loop: a row for each tick, and events.
 
-    An event is written when the faults change, when a limit acts for the first time, and when the source of the
-    displacement changes between a sensor and the resistance. `stopped_by` returns the name of the program that has
+    An event is written when the faults change, when a limit acts for the first time, and when the displacement sensor
+    is replaced or used again (a session reports this itself). `stopped_by` returns the name of the program that has
     requested an emergency stop; it is empty without such a request.
     """
 
@@ -55,8 +55,8 @@ class TickRecorder(Recorder):
         self._stopped_by = stopped_by
         self._reported_limits: set[str] = set()
         self._faults: tuple[str, ...] = ()
-        self._by_sensor = metadata.get("displacement_from") == DisplacementFrom.SENSOR
-        self._uses_resistance = False
+        self._is_session = metadata["kind"] == RunKind.SESSION
+        self._is_replaced = False
 
     def tick(self, tick: Tick) -> None:
         """Record one tick of the loop. DataError when the log cannot be written."""
@@ -87,10 +87,10 @@ class TickRecorder(Recorder):
 
     def _report_source(self, tick: Tick) -> None:
         """Write an event when the resistance replaces a displacement sensor, and when the sensor is used again."""
-        uses_resistance = bool(tick.command.uses_resistance)
-        if self._by_sensor and uses_resistance is not self._uses_resistance:
-            self.event(BY_RESISTANCE if uses_resistance else BY_SENSOR)
-        self._uses_resistance = uses_resistance
+        is_replaced = bool(tick.command.sensor_replaced)
+        if not self._is_session and is_replaced is not self._is_replaced:
+            self.event(BY_RESISTANCE if is_replaced else BY_SENSOR)
+        self._is_replaced = is_replaced
 
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import nan
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,10 +24,15 @@ COLUMNS = (
     "power_w",
     "commanded_a",
 )
-"""The columns of a row: measured, estimated and commanded values. `time_s` is the time since the loop began."""
+"""The columns of a row: measured, estimated and commanded values. `time_s` is the time since the loop began.
+
+The displacement is NaN while the displacement sensor is replaced, because its readings are wrong then.
+"""
 
 Rows = NDArray[np.float64]
 """An array of shape (rows, columns)."""
+
+DISPLACEMENT = COLUMNS.index("displacement_mm")
 
 _values_of = row_getter(COLUMNS)
 
@@ -33,4 +40,6 @@ _values_of = row_getter(COLUMNS)
 def row_of(tick: Tick, began_s: float) -> Row:
     """Return the values of `COLUMNS` for a tick. `began_s` is the time of the clock when the loop began."""
     _, *values = _values_of(tick)
+    if tick.command.sensor_replaced:
+        values[DISPLACEMENT - 1] = nan
     return (tick.measurement.time_s - began_s, *values)

@@ -25,6 +25,7 @@ class Command(NamedTuple):
     by_resistance_mm      displacement by the resistance of the wire, mm
     by_resistance_sd_mm   standard deviation of the displacement by the resistance, mm
     uses_resistance       1 while the resistance is the source of the displacement, otherwise 0
+    sensor_replaced       1 while the displacement sensor is not the source because its readings are wrong or missing
     """
 
     commanded_a: float
@@ -38,6 +39,7 @@ class Command(NamedTuple):
     by_resistance_mm: float = nan
     by_resistance_sd_mm: float = nan
     uses_resistance: float = 0.0
+    sensor_replaced: float = 0.0
 
 
 class Controller(Protocol):

@@ -164,6 +164,7 @@ class TrackingController:
             estimate.shift_c,
             *selected.by_resistance,
             uses_resistance=float(source.needs_resistance),
+            sensor_replaced=float(source.is_replaced),
         )
 
     def _started(self, measurement: Measurement) -> TrackingState:

@@ -28,6 +28,10 @@ PLAIN = ("inverse", "controller", "displacement_from", "seed", "machine")
 """Names of the metadata texts that are shown as settings without a change."""
 
 
+CHECKSUM = "checksum of the reference"
+"""The name of the setting that differs for any two different references. Their approaches do not count."""
+
+
 def differing_settings(logs: Sequence[Log]) -> dict[str, tuple[str, ...]]:
     """Return the settings in which the runs differ, by name, with one text for each run.
 
@@ -118,7 +122,7 @@ def _reference(reference: Reference) -> Iterator[tuple[str, str]]:
     samples = np.round(np.stack((times_s, displacement_mm)), 6) + 0.0  # no negative zero
     span = f"{displacement_mm.min():.4g} to {displacement_mm.max():.4g} mm"
     yield "reference", f"{span}, {times_s[-1]:.4g} s"
-    yield "checksum of the reference", f"{crc32(samples.tobytes()):08x}"
+    yield CHECKSUM, f"{crc32(samples.tobytes()):08x}"
 
 
 def _gains(log: Log) -> Iterator[tuple[str, str]]:

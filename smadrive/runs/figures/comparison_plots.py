@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from smadrive.display.colours import LIMIT, RUN_COLOURS, SETPOINT, SHADE
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.comparison.comparison import RunComparison
+from smadrive.runs.comparison.settings import CHECKSUM
 from smadrive.runs.figures.log_plots import NOT_SCORED, PLANE_POINTS
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
@@ -31,7 +32,7 @@ def comparison_plots(comparison: RunComparison) -> Iterator[Plot]:
 def _displacement(comparison: RunComparison) -> Plot:
     scored = [log for log in comparison.logs if has_setpoint(log) and np.isfinite(error_percent(log)).any()]
     figure, (upper, *lower) = panels((3.0, 1.9) if scored else (3.0,))
-    is_one = "reference" not in comparison.settings
+    is_one = CHECKSUM not in comparison.settings and all("reference" in log.metadata for log in comparison.logs)
     for number, (log, colour) in enumerate(_coloured(comparison, upper, "displacement_mm")):
         if has_setpoint(log) and (number == 0 or not is_one):
             look = {"color": SETPOINT, "label": "setpoint"} if is_one else {"color": colour}

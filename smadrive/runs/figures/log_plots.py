@@ -15,7 +15,7 @@ from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.figures.session_plots import session_plot
 from smadrive.runs.log.reader import Log
-from smadrive.runs.metrics.caveats import tracking_caveats
+from smadrive.runs.metrics.caveats import sample_caveats
 from smadrive.runs.metrics.run import is_virtual
 from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
 from smadrive.runs.plot_style import legend, line, panels
@@ -54,7 +54,7 @@ def _tracking(log: Log) -> Plot:
         draw_error(ax, log, MEASURED)
     figure.axes[-1].set_xlabel(COLUMNS["time_s"].axis_label)
     error = f"Error = setpoint − displacement. {NOT_SCORED if 'reference' in log.metadata else ''}".strip()
-    return Plot("Tracking", figure, error if is_scored else f"No error is shown: {tracking_caveats(log)[-1]}.")
+    return Plot("Tracking", figure, error if is_scored else f"No error is shown: {sample_caveats(log)[-1]}.")
 
 
 def _displacement(log: Log) -> Plot:

@@ -23,7 +23,7 @@ def tracking_caveats(log: Log) -> tuple[str, ...]:
 
     The first reasons were known before the run, for example that the reference was smoothed.
     """
-    return (*texts_of(log, "caveats"), *_sample_caveats(log), *measured_caveats(log))
+    return (*texts_of(log, "caveats"), *sample_caveats(log), *measured_caveats(log))
 
 
 def measured_caveats(log: Log) -> tuple[str, ...]:
@@ -51,7 +51,8 @@ def _resistance_caveats(log: Log) -> tuple[str, ...]:
     return resistance_caveats(of_finite(np.median, voltage_v[flows] / current_a[flows]), nominal_balance(log))
 
 
-def _sample_caveats(log: Log) -> tuple[str, ...]:
+def sample_caveats(log: Log) -> tuple[str, ...]:
+    """Return the reason why the tracking error is unknown, or known only for a part of the samples, if it is so."""
     error = error_percent(log)[log.column("time_s") >= scored_from_s(log)]
     if error.size == 0:
         return ("the tracking error is unknown: the run ended in its approach, which is not scored",)

@@ -25,14 +25,20 @@ def scored_from_s(log: Log) -> float:
 
 
 def measured_mm(log: Log) -> FloatArray:
-    """Return the displacement in mm. It is NaN where it was not measured, and where the resistance replaced the sensor.
+    """Return the displacement in mm. It is NaN where it was not measured, and where the sensor was replaced.
 
     A sensor is replaced because its readings are wrong.
     """
-    displacement_mm = log.column_with_gaps("displacement_mm")
-    if log.metadata.get("displacement_from") != DisplacementFrom.SENSOR or "uses_resistance" not in log.columns:
-        return displacement_mm
-    return np.where(log.column("uses_resistance") == 1.0, nan, displacement_mm)
+    return np.where(_sensor_replaced(log), nan, log.column_with_gaps("displacement_mm"))
+
+
+def _sensor_replaced(log: Log) -> FloatArray:
+    """Return 1 for each row in which the displacement sensor was replaced, otherwise 0."""
+    if "sensor_replaced" in log.columns:
+        return log.column("sensor_replaced")
+    if "uses_resistance" in log.columns and log.metadata.get("displacement_from") == DisplacementFrom.SENSOR:
+        return log.column("uses_resistance")  # an older log
+    return np.zeros(log.column("time_s").size)
 
 
 def error_percent(log: Log) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import isfinite
 
 from smadrive.control.loop import Tick
 from smadrive.errors import MotionError
@@ -21,7 +20,7 @@ class MoveMotion:
 
     def update(self, tick: Tick, reference_s: float) -> Iterator[MotionEnd]:
         """Yield the end of the motion when it is done or has failed. `reference_s` counts from its beginning."""
-        command, error_mm = self._command, _displacement_mm(tick) - self._command.setpoint_mm
+        command, error_mm = self._command, tick.reached_mm - self._command.setpoint_mm
         if not abs(error_mm) <= command.tolerance_mm:  # also for NaN
             self._within_since_s = None
         elif self._within_since_s is None:
@@ -75,12 +74,6 @@ class FollowMotion:
         numbers = (self._command.number,) if self._is_begun else (self._command.begun_number, self._command.number)
         for number in numbers:
             yield MotionEnd(number, _superseded("reference"))
-
-
-def _displacement_mm(tick: Tick) -> float:
-    """Return the measured displacement, or the estimated one if it is not measured."""
-    measured_mm = tick.measurement.displacement_mm
-    return measured_mm if isfinite(measured_mm) else tick.command.estimated_mm
 
 
 def _superseded(where: str) -> MotionError:

@@ -24,7 +24,7 @@ Errors of the heat balance and of the model cause smaller deviations even withou
 
 SENSOR_REPLACED = (
     "warning: the displacement sensor has failed, and the resistance of the wire replaces it; "
-    "what the sensor still shows is no measure of the error"
+    "its readings are not shown, and the displacement is estimated"
 )
 
 _LATE = COLUMNS.index("late_s")

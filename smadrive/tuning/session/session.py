@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from math import isfinite
 
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.swappable import SwappableController
@@ -194,12 +193,10 @@ class TuningSession:
 
     def _take(self, tick: Tick) -> None:
         """Send a tick to the page, the comparison, the adaptation, the function `record` and the log."""
-        measurement, command = tick.measurement, tick.command
+        measurement = tick.measurement
         self._channel.append(row_of(tick, self._state.began_s))
         self._status.measurement = measurement
-        is_measured = isfinite(measurement.displacement_mm)
-        reached_mm = measurement.displacement_mm if is_measured else command.estimated_mm
-        self._change_queue.comparison.score(command.setpoint_mm - reached_mm)
+        self._change_queue.comparison.score(tick.command.setpoint_mm - tick.reached_mm)
         self._state.note_source()
         self._adapt(tick)
         self._record(tick)

@@ -98,6 +98,14 @@ def test_approach_does_not_count_as_a_difference_of_the_reference(folder):
     assert first["checksum of the reference"] != ramp["checksum of the reference"]
 
 
+@pytest.mark.parametrize(("other", "setpoints"), [("slow", 1), ("ramp", 2)])
+def test_different_references_with_the_same_range_are_drawn_apart(folder, other, setpoints):
+    """A sine and a triangle between the same displacements, and a sine with other gains."""
+    comparison = RunComparison(tuple(read_log(folder / f"{name}.h5") for name in ("first", other)))
+    displacement = next(comparison_plots(comparison)).figure.axes[0]
+    assert sum(drawn.get_linestyle() == "--" for drawn in displacement.get_lines()) == setpoints
+
+
 def test_runs_of_different_kinds_are_compared(folder):
     comparison = RunComparison(tuple(read_log(folder / f"{name}.h5") for name in ("first", "warm", "ramp")))
     assert comparison.settings["kind of run"] == ("tracking", "manual step", "tracking")

@@ -27,6 +27,7 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.metrics.caveats import run_caveats, sample_caveats, tracking_caveats
 from smadrive.runs.metrics.run import tracking_metrics
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.safety.faults import Fault
@@ -35,6 +36,8 @@ from smadrive.wire.wire_model import WireModel
 WIRE = DuhemModel.gaussian(
     mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
 )
+CAVEAT = "the bead is loose"
+CAVEATS = json.dumps([CAVEAT])
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +66,7 @@ def trip(path, breaks=lambda device: device.bench.sensors.faults.open_thermocoup
 
     with Rig(load_rig("in-process"), transports={"board": device.transport(clock)}) as rig:
         excitation = rig.excitation(22.0)
-        with pytest.raises(TripError), record_excitation(path, rig, excitation) as recorder:
+        with pytest.raises(TripError), record_excitation(path, rig, excitation, caveats=CAVEATS) as recorder:
             rig.excite(excitation, record)
 
 
@@ -110,6 +113,22 @@ def test_page_of_a_complete_run_has_its_metrics_and_configuration(logs):
     ]
     for part in ("sim://flexinol-lt-0.15mm", "sma-reference (smadrive)", "limits.current_max_a", "numpy 2", "seed"):
         assert part in text
+
+
+def test_json_has_the_caveats_of_the_page(logs):
+    figures, text = report(logs, "tripped.h5", "-o", "caveats.html")
+    assert figures["caveats"] == [CAVEAT] == list(run_caveats(read_log(logs / "tripped.h5")))
+    assert CAVEAT in unescape(text)
+
+
+def test_plot_without_an_error_names_the_reason(logs):
+    """A wrong resistance is another caveat of the same run."""
+    log = read_log(logs / "complete.h5")
+    columns = {"displacement_mm": np.full(901, np.nan), "voltage_v": 6.0 * log.column("voltage_v")}
+    blind = replace(log, columns={**log.columns, **columns})
+    tracking = next(log_plots(blind))
+    assert sample_caveats(blind)[-1] in tracking.caption
+    assert tracking_caveats(blind)[-1] not in tracking.caption
 
 
 def test_plot_of_the_demo_has_the_error_of_its_table(logs):

@@ -10,8 +10,10 @@ from smadrive.errors import ConfigError
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.metrics.tracking_error import measured_mm
 from smadrive.runs.run_log import BY_RESISTANCE, BY_SENSOR, record_session
 from smadrive.runs.session_record import models_of, tunings_of
+from smadrive.stream.samples import COLUMNS
 from smadrive.tuning.session.adaptation_runner import NEEDS_SENSOR, SENSOR_FAILED, AdaptationRunner
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.identified_wire import parse_wire
@@ -184,6 +186,22 @@ def test_resistance_replaces_a_sensor_that_shows_nothing_until_it_works_again(re
     assert rig.status["displacement_in_force"] == "sensor"
     assert events(rig).index(BY_RESISTANCE) < events(rig).index(BY_SENSOR)
     assert true_rms_percent(rig, 13.0, 19.0) < 0.8
+
+
+def test_slipped_sensor_is_not_fitted_and_not_scored(resistive_rig, tmp_path):
+    rig = tracked(resistive_rig)
+    path = tmp_path / "tuning.h5"
+    rig.recording = lambda opened: record_session(path, opened, rig.properties.identified(rig.model))
+    rig.do(14.0, lambda: rig.device.bench.sensors.faults.slip_displacement(2.5))
+    rig.run(until_s=17.0)
+    assert BY_RESISTANCE in events(rig)
+    _, rows = rig.page.since(0)
+    at_s, shown_mm = (rows[:, COLUMNS.index(name)] for name in ("time_s", "displacement_mm"))
+    assert np.isnan(shown_mm[at_s > 16.0]).all()
+    log = read_log(path)
+    assert np.isnan(measured_mm(log)[log.column("time_s") > 16.0]).all()
+    assert np.isfinite(measured_mm(log)[log.column("time_s") < 13.9]).all()
+    assert sum(event.message == BY_RESISTANCE for event in log.events) == 1
 
 
 def test_warm_wire_is_armed_by_resistance_with_a_warning(resistive_rig):

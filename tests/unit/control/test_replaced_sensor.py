@@ -1,0 +1,40 @@
+"""A displacement sensor that is replaced: nobody takes its readings for the displacement."""
+
+from math import isnan, nan
+
+import pytest
+
+from smadrive.bluesky.readings import Readings, WireSample, alarm_of
+from smadrive.control.controllers.interface import Command
+from smadrive.control.loop import Tick
+from smadrive.measurement import Measurement
+from smadrive.scripting.loop.motions import MoveMotion
+from smadrive.scripting.loop.servo_messages import MoveCommand
+from smadrive.stream.samples import COLUMNS, row_of
+
+VALID = Tick(1.0, 0.0, Measurement(1.0, 80.0, 0.2, 3.0, displacement_mm=4.0), Command(0.2, 80.0, 8.0, 80.0, 8.0))
+REPLACED = VALID._replace(command=VALID.command._replace(uses_resistance=1.0, sensor_replaced=1.0))
+
+
+@pytest.mark.parametrize(("tick", "reached_mm"), [(VALID, 4.0), (REPLACED, 8.0)])
+def test_displacement_reached_is_then_the_estimated_one(tick, reached_mm):
+    assert tick.reached_mm == reached_mm
+    missing = tick._replace(measurement=Measurement(1.0, 80.0, 0.2, 3.0, displacement_mm=nan))
+    assert missing.reached_mm == 8.0
+
+
+def test_its_readings_are_neither_published_nor_read():
+    column = COLUMNS.index("displacement_mm")
+    assert row_of(VALID, 0.0)[column] == 4.0
+    assert isnan(row_of(REPLACED, 0.0)[column])
+    readings = Readings("wire", "rig", ("temperature", "displacement"))
+    assert readings.values(WireSample(VALID, 0.0))["wire_displacement_mm"] == 4.0
+    assert isnan(readings.values(WireSample(REPLACED, 0.0))["wire_displacement_mm"])
+    assert [alarm_of(tick).severity for tick in (VALID, REPLACED)] == [0, 2]
+
+
+@pytest.mark.parametrize(("setpoint_mm", "tick"), [(4.0, VALID), (8.0, REPLACED)])
+def test_motion_is_done_at_the_displacement_reached(setpoint_mm, tick):
+    motion = MoveMotion(MoveCommand(1, setpoint_mm, 1.0, 0.1, 0.5, 10.0), path_s=0.0)
+    ends = [end for time_s in (0.0, 1.0) for end in motion.update(tick, time_s)]
+    assert [end.error for end in ends] == [None]
