@@ -23,7 +23,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import excite, plan_excitation
 from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.metrics.caveats import measured_caveats
+from smadrive.runs.metrics.caveats import run_caveats
 from smadrive.runs.metrics.run import tripped_loop_metrics
 from smadrive.runs.run_metadata import excitation_of
 
@@ -82,7 +82,7 @@ def _print_metrics(
 ) -> None:
     samples, missed = count_text(metrics.ticks, "sample"), count_text(metrics.missed_deadlines, "missed deadline")
     ended = "the heater is off" if tripped is None else "then the run tripped"
-    caveats = measured_caveats(log)
+    caveats = run_caveats(log)
     output.warn(caveats)
     output.say(f"{log.path}: {samples}, {missed}; {ended}")
     output.result(

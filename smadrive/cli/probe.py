@@ -42,7 +42,7 @@ def main(
         wire_file = model or _model_file(config)
         found = None if wire_file is None else assess(wire_file, config.feedback)
     waiting = waiting_guardians()
-    caveats = cold_wire_caveats(measurement.temperature_c, open_rig.data_sheet.ambient_c)
+    caveats = (*open_rig.caveats, *cold_wire_caveats(measurement.temperature_c, open_rig.data_sheet.ambient_c))
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))

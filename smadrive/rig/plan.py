@@ -27,6 +27,9 @@ QUANTITIES = ("temperature", "displacement")
 STALE_PERIODS = 3.0
 """A polled sensor becomes stale only after this many of its periods, even if `stale_after_s` is shorter."""
 
+SLOW_PERIODS = 2.0
+"""A sensor that is read less often than once in this many periods of the loop gives a warning."""
+
 GUARDIAN_PATIENCE = 1.5
 """Smallest `watchdog_s` with a guardian, as a multiple of the longest time that the driver waits for a reply."""
 
@@ -43,7 +46,10 @@ class PlannedSensor:
 
 @dataclass(frozen=True)
 class RigPlan:
-    """The devices of a rig and their tasks. `guardian` is the task of the guardian process; None: no guardian."""
+    """The devices of a rig and their tasks. `guardian` is the task of the guardian process; None: no guardian.
+
+    `caveats` are warnings, one sentence each.
+    """
 
     devices: tuple[PlannedDevice, ...]
     source: PlannedDevice
@@ -51,6 +57,7 @@ class RigPlan:
     limits: HeaterLimits
     guardian: Task | None
     corrections: Corrections
+    caveats: tuple[str, ...]
 
 
 def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collection[str] = ()) -> RigPlan:
@@ -67,7 +74,19 @@ def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collecti
     _check_thermometer(source, sensors, where)
     _check_addresses(devices, where)
     guardian = _guardian(source, devices, config.limits, where)
-    return RigPlan(devices, source, sensors, _limits(config.limits), guardian, config.calibration.corrections())
+    limits, corrections = _limits(config.limits), config.calibration.corrections()
+    return RigPlan(devices, source, sensors, limits, guardian, corrections, tuple(_slow(sensors, config.rate_hz)))
+
+
+def _slow(sensors: Iterable[PlannedSensor], rate_hz: float) -> Iterator[str]:
+    """Yield a warning for each sensor that is slow for the loop: the controller takes an old reading for a new one."""
+    for sensor in sensors:
+        if sensor.period_s * rate_hz > SLOW_PERIODS:
+            yield (
+                f"'{sensor.device.name}' gives a new {sensor.quantity} only every {sensor.period_s:g} s, and the loop "
+                f"uses it again every {1.0 / rate_hz:g} s, as if it were new: set rate_hz of the rig to "
+                f"{1.0 / sensor.period_s:.3g}"
+            )
 
 
 def check_full_scales(source: PlannedDevice) -> None:

@@ -75,6 +75,7 @@ class Rig:
         self._transports = transports or {}
         profiles = {device.name: load_profile(device.profile) for device in config.devices}
         self._plan = plan_rig(config, profiles, self._transports)
+        self.caveats = self._plan.caveats
         self._trace_folder = trace_folder
         self._heated: Heated | None = None
 
@@ -184,11 +185,8 @@ class Rig:
     def check_sensing(
         self, wire: WireModel, displacement_from: DisplacementFrom, temperature_c: float
     ) -> tuple[str, ...]:
-        """Return warnings about the source of the displacement; ConfigError if the rig cannot use this source.
-
-        See sensing_checks.py.
-        """
-        return check_sensing(displacement_from, self._plan.source, wire, temperature_c)
+        """Return warnings about the sensors; ConfigError if the rig cannot use this source (sensing_checks.py)."""
+        return (*self.caveats, *check_sensing(displacement_from, self._plan.source, wire, temperature_c))
 
     def check_chosen(self, wire: WireModel, chosen: DisplacementFrom, temperature_c: float) -> tuple[str, ...]:
         """Return the warnings of `check_sensing`; ConfigError, too, if `chosen` is a sensor that the rig lacks."""

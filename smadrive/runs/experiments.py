@@ -67,6 +67,7 @@ def excite(log_file: Path, rig: Rig, excitation: Excitation, watch: Watch, **not
     """Run an identification experiment and record it in `log_file`, with `notes`. TripError after a trip."""
     wire_file = Path(rig.config.model).absolute() if rig.config.model else None
     notes |= {WIRE_FILE: str(wire_file)} if wire_file is not None and wire_file.is_file() else {}
+    notes |= {"caveats": json.dumps(rig.caveats)} if rig.caveats else {}
     with (
         record_excitation(log_file, rig, excitation, **notes) as recorder,
         watch(recorder, excitation.duration_s) as record,

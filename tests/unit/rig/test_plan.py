@@ -52,6 +52,14 @@ def test_profile_decides_the_type_of_the_source(devices, source_type):
     assert plan(*devices).source.source_type is source_type
 
 
+@pytest.mark.parametrize(("rate_hz", "slow"), [(2.5, 0), (4.0, 0), (10.0, 1)])
+def test_sensor_that_is_slow_for_the_loop_gives_a_warning(rate_hz, slow):
+    """The reader converts every 0.4 s, the laser is as fast as the loop."""
+    caveats = plan(SUPPLY, READER, LASER, rate_hz=rate_hz).caveats
+    assert len(caveats) == slow
+    assert all("'reader'" in caveat and caveat.endswith(" 2.5") for caveat in caveats)
+
+
 def test_board_measures_everything_itself():
     found = plan(BOARD)
     assert found.sensors == ()
