@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal, Protocol
 
 from smadrive.control.controllers.interface import Command
-from smadrive.control.controllers.step import ManualStep
+from smadrive.control.controllers.step import LONGEST_S, ManualStep
 from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
@@ -115,6 +115,15 @@ def positive_number(value: object, name: str, *, may_be_zero: bool) -> float:
     if not (number > 0.0 or (may_be_zero and number == 0.0)) or not isfinite(number):
         raise ConfigError("not possible", where=name, value=number, cure="give a positive number")
     return number
+
+
+def cooling_time_s(duration_s: float) -> float:
+    """Return the time in s. ConfigError unless it is a number from 0 to `LONGEST_S`."""
+    time_s = positive_number(duration_s, "duration_s", may_be_zero=True)
+    if time_s > LONGEST_S:
+        cure = "choose a shorter time"
+        raise ConfigError("too long", where="duration_s", value=f"{time_s:g} s", limit=f"{LONGEST_S:g} s", cure=cure)
+    return time_s
 
 
 def travel_limits_mm(wire: IdentifiedWire) -> tuple[float, float]:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from smadrive.measurement import Measurement
-from smadrive.numerics.scalars import real_number
 from smadrive.rig.config import RigConfig
 from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import read_log
@@ -17,6 +16,7 @@ from smadrive.scripting.arguments import (
     ReferenceLike,
     ScriptController,
     WireLike,
+    cooling_time_s,
     cycling_of_argument,
     new_log,
     reference_of_argument,
@@ -141,8 +141,8 @@ class OpenRig(RigConnection):
         return self._run("driving", request, path)
 
     def cool_down(self, duration_s: float) -> None:
-        """Let the wire cool for `duration_s` with the heater off."""
-        self._call(CoolDownRequest(real_number(duration_s, "duration_s")))
+        """Let the wire cool for `duration_s` with the heater off. ConfigError unless this is 0 s to a day."""
+        self._call(CoolDownRequest(cooling_time_s(duration_s)))
 
     def off(self) -> None:
         """Switch the heater off and confirm it by read-back; raises an error if the heater is not confirmed off."""

@@ -1,5 +1,6 @@
 """The mistakes of a script: each is an error of one sentence, and nothing heats."""
 
+import math
 import threading
 from dataclasses import replace
 
@@ -141,6 +142,9 @@ MISTAKES = [  # name, action, type of the error, its part `where` without folder
         "a",
     ),
     ("cool", lambda rig, wire: rig.cool_down("1"), ConfigError, "duration_s", "str"),
+    ("cool", lambda rig, wire: rig.cool_down(math.nan), ConfigError, "duration_s", "nan"),
+    ("cool", lambda rig, wire: rig.cool_down(-5), ConfigError, "duration_s", "-5.0"),
+    ("cool", lambda rig, wire: rig.cool_down(86_401), ConfigError, "duration_s", "86401 s"),
     ("path", lambda rig, wire: smadrive.load_wire(3), ConfigError, "path", "int"),
     ("path", lambda rig, wire: smadrive.read_log(None), ConfigError, "path", "NoneType"),
     ("path", lambda rig, wire: smadrive.read_log("absent.h5"), DataError, "absent.h5", None),
