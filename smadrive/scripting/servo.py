@@ -111,7 +111,12 @@ class Servo:
 
     @property
     def measurement(self) -> Measurement:
-        """The latest measurement. Waits for the first one, and raises an error if the run ends before it arrives."""
+        """The latest measurement; waits for the first one. Raises the error of the run, or MotionError, after its end.
+
+        So a script that waits for a value does not wait for ever. `tick` still returns the last tick.
+        """
+        if self._is_over:
+            raise self._error or _ended()
         if self._latest is None:
             self.sample().wait()
         assert self._latest is not None

@@ -38,6 +38,8 @@ def test_wire_moves_from_setpoint_to_setpoint(servo):
     assert servo.tick.time_s == pytest.approx(settled.time_s + 0.05)
     servo.stop()
     assert not servo.is_running
+    with pytest.raises(MotionError):
+        _ = servo.measurement
     run = servo.run
     assert (run.trips, run.ticks, run.missed_deadlines) == (0, len(run["time_s"]), 0)
     steps_mm = np.abs(np.diff(run["setpoint_mm"][5:]))
@@ -197,6 +199,8 @@ def test_trip_fails_the_motion_and_ends_at_zero_current(wire, tmp_path):
         with pytest.raises(TripError) as tripped:
             servo.stop()
         assert shutdown_of(tripped.value).confirmed
+        with pytest.raises(TripError):
+            _ = servo.measurement
         with pytest.raises(SafetyError, match="refused to arm"), rig.servo(wire, tmp_path / "again.h5") as again:
             again.move(4.0).wait()
         rig.clear_faults()
