@@ -53,7 +53,7 @@ class Run:
     `run[name]` is a column as a float64 array, with NaN where nothing was measured; `columns` lists the names. Tracking
     errors are in percent of the stroke. They leave out the approach, in which the wire moves to the beginning of the
     reference, and are NaN for a run without a setpoint. `log` holds events and metadata. `controller` is the user's
-    controller at the end of the run; None for another run, and if it cannot be pickled.
+    controller at the end of the run; None for another run, and if it cannot be transferred.
     """
 
     def __init__(self, log: Log, driven: DrivenRun | None = None, warnings: Iterable[str] = ()) -> None:

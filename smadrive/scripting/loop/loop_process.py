@@ -6,6 +6,7 @@ Signals of the terminal do not reach this process; the script sends interruption
 
 from __future__ import annotations
 
+import pickle
 import sys
 from contextlib import nullcontext
 from traceback import walk_tb
@@ -147,9 +148,9 @@ def _driven(request: DriveRequest, rig: Rig, link: ScriptLink) -> DrivenRun:
 
 
 def _is_transferable(controller: Any) -> bool:
-    """Return True if the controller can be pickled, which is impossible if, for example, it holds an open file."""
+    """Return True if the controller can be pickled and restored: not if, for example, it holds an open file."""
     try:
-        dumps(controller)
+        pickle.loads(dumps(controller))  # noqa: S301 (some objects can be pickled, but not restored)
     except Exception:  # noqa: BLE001 (pickling runs code of the user)
         return False
     return True

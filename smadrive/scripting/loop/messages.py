@@ -138,7 +138,7 @@ class OpenedRig(NamedTuple):
 class DrivenRun(NamedTuple):
     """The result of a run: the counts of the loop, the user's controller after the run, and caveats about it.
 
-    `controller` is None if the run had no such controller, or if it cannot be pickled.
+    `controller` is None if the run had no such controller, or if it cannot be transferred.
     """
 
     ticks: int

@@ -144,6 +144,17 @@ def test_own_controller_runs_supervised_and_comes_back_with_what_it_saw(rig, wir
         replay(run.log)
 
 
+def test_run_of_a_controller_that_cannot_be_restored_is_complete(rig, wire):
+    class Keeps(Warm):
+        def update(self, time_s, measurement, dt_s):
+            self.action = Fussy("this", "that")
+            return smadrive.Command(0.2)
+
+    run = rig.drive(Keeps(), wire, duration_s=0.5)
+    assert run.controller is None
+    assert run.ticks == 11
+
+
 MODULE = """
 import smadrive
 from helper import CURRENT_A
