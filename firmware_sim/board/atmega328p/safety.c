@@ -40,7 +40,8 @@ static uint16_t read_converter(void) {
         inputs.sample_counter++;
     }
     silent_converter = counted(silent_converter, status == CONVERTER_SILENT);
-    stalled = counted(stalled, status == CONVERTER_SAME);
+    /* A converter that keeps resetting alternates between the two, and ends no conversion. */
+    stalled = counted(stalled, status == CONVERTER_SAME || status == CONVERTER_SILENT);
     if (status == CONVERTER_OPEN) {
         return BOARD_THERMOCOUPLE_OPEN;
     }

@@ -29,6 +29,7 @@ class Converter(IntEnum):
     SHORT = 2
     ABSENT = 3
     STOPPED = 4
+    RESETTING = 5
 
 
 class Stuck(IntEnum):

@@ -84,6 +84,10 @@ static void catch_up(struct emulator *emulator) {
         converter->due = now + conversion_cycles(converter);
         return;
     }
+    if (converter->due <= now && emulator->world.converter == CONVERTER_RESETTING) {
+        converter_power_up(converter);
+        return;
+    }
     while (converter->due <= now) {
         convert(emulator);
         converter->due += conversion_cycles(converter);

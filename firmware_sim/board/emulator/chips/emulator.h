@@ -13,7 +13,14 @@
 
 #define EMULATOR_HZ 16000000u
 
-enum emulator_converter { CONVERTER_GOOD, CONVERTER_OPEN, CONVERTER_SHORT, CONVERTER_ABSENT, CONVERTER_STOPPED };
+enum emulator_converter {
+    CONVERTER_GOOD,
+    CONVERTER_OPEN,
+    CONVERTER_SHORT,
+    CONVERTER_ABSENT,
+    CONVERTER_STOPPED,
+    CONVERTER_RESETTING /* it resets before the end of every conversion */
+};
 enum emulator_stuck { STUCK_NONE, STUCK_SDA, STUCK_SCL };
 enum emulator_reset { RESET_LINE, RESET_BROWN_OUT, RESET_POWER };
 

@@ -16,6 +16,7 @@ FAULTS = {
     "converter short": ("converter", Converter.SHORT, BoardFault.THERMOCOUPLE_SHORT, 2 * TICK_S),
     "converter absent": ("converter", Converter.ABSENT, BoardFault.SENSOR_BUS, 4 * TICK_S),
     "converter stopped": ("converter", Converter.STOPPED, BoardFault.SENSOR_BUS, 0.4),
+    "converter resetting": ("converter", Converter.RESETTING, BoardFault.SENSOR_BUS, 0.4),
     "SDA stuck": ("stuck", Stuck.SDA, BUS, 2 * TICK_S),
     "SCL stuck": ("stuck", Stuck.SCL, BUS, 2 * TICK_S),
     "DAC absent": ("dac_absent", 1, BoardFault.ACTUATOR, 2 * TICK_S),
