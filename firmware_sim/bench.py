@@ -81,7 +81,7 @@ class SimulatedBench:
         """Return the firmware of a device of this profile, and the handler of its requests."""
         board = self.config.board
         if not profile.has_registers:
-            tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.resistance_ohm, log_event)
+            tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.loop_ohm, log_event)
             return DeviceParts(tclab, tclab)
         serial_number = _random_serial_number() if board.serial_number is None else board.serial_number
         if profile.profile.role == "heater" and board.implementation != "python":
@@ -93,11 +93,12 @@ class SimulatedBench:
         return DeviceParts(firmware, Responder(bank, firmware, profile.timing))
 
     def _tclab_supply_v(self) -> float:
-        """Return the supply voltage in V with which Q1 = 100 % drives the current limit through the cold wire.
+        """Return the supply voltage in V with which Q1 = 100 % drives the current limit through cold wire and leads.
 
         The pulse width P1 then has its value at power-up.
         """
-        limit_v = self.config.board.supply_limit_a * self.config.wire.resistance_cold_ohm
+        cold_ohm = self.config.wire.resistance_cold_ohm + self.config.sense.lead_ohm
+        limit_v = self.config.board.supply_limit_a * cold_ohm
         return limit_v / sqrt(PULSE_FACTORY["P1"] / PULSE_MAX)
 
     def _register_firmware(self, profile: Profile, log_event: Callable[[str], None]) -> RegisterFirmware:

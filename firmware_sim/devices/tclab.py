@@ -3,7 +3,7 @@
 The board switches a voltage U on and off, so fast that only the mean heat matters. The duty is the fraction of the time
 with the voltage on. The command Q1 (0 to 100 %) and the largest pulse width P1 (0 to 255) set the duty:
 
-    duty = floor(Q1 · P1 / 100) / 255          heat = duty · U² / R          R: resistance of the wire
+    duty = floor(Q1 · P1 / 100) / 255        current = √duty · U / R        R: wire, leads and contacts
 
 Like the real board, this firmware has no watchdog, and does not limit current or temperature. An open sensor reads as
 the lower end of the converter's range, a shorted sensor as the upper end. An unknown command switches both heaters off.

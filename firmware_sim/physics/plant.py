@@ -58,6 +58,11 @@ class Plant:
         """Contraction of the wire, mm."""
         return self._stroke_mm * (1.0 - self.ageing.fade) * self._transformation.phase
 
+    @property
+    def loop_ohm(self) -> float:
+        """Resistance of the heater circuit: wire, leads and contacts."""
+        return self.resistance_ohm + self._lead_ohm + self.faults.circuit.contact_ohm
+
     def faults_by_name(self) -> dict[str, Callable[..., None]]:
         """Return the methods that a fault script can call, by name."""
         return self.faults.by_name() | self.surroundings.by_name() | self.load.by_name() | self.ageing.by_name()
@@ -87,7 +92,7 @@ class Plant:
         if circuit.broken:
             self.current_a, self.voltage_v = 0.0, voltage_max_v if set_a > 0.0 and voltage_max_v < inf else 0.0
             return
-        loop_ohm = self.resistance_ohm + self._lead_ohm + circuit.contact_ohm
+        loop_ohm = self.loop_ohm
         driven_a = min(set_a * circuit.passed, voltage_max_v / loop_ohm, circuit.voltage_max_v / loop_ohm)
         self.current_a = max(driven_a, circuit.leak_a)
         self.voltage_v = self.current_a * loop_ohm
