@@ -177,12 +177,11 @@ class SimulatedBench:
         if self._heating is None:
             self.plant.advance(0.0, dt_s)
         else:
-            firmware = self._heating.firmware
-            self.plant.advance(firmware.current_a, dt_s, firmware.voltage_max_v)
+            self.plant.advance(self._heating.current_a, dt_s, self._heating.firmware.voltage_max_v)
         self.sensors.advance(before_c, dt_s)
         self.time_s += dt_s
         for device in self.devices:
-            device.firmware.tick(dt_s)
+            device.tick(dt_s)
         self._timeline.advance_to(self.time_s)
 
 

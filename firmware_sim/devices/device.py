@@ -44,11 +44,17 @@ class SimulatedDevice:
         self.profile = profile
         self.unit_id = profile.unit_id if unit_id is None else unit_id
         self.name = name
+        self._is_powered, self._powered_at_s = True, bench.time_s
         self.firmware, self.responder, self._serial_line = bench.build_parts(profile, self._log_event)
         self.faults = BusFaults(lambda: bench.time_s, seed)
         self.line = Line((self,))
         self._boot_s, self._min_gap_s = profile.timing.boot_ms / 1e3, profile.timing.min_gap_ms / 1e3
         self._deaf_until_s = bench.time_s + self._boot_s
+
+    @property
+    def current_a(self) -> float:
+        """The current that the device tries to drive through the wire, A; 0 while it has no power."""
+        return self.firmware.current_a if self._is_powered else 0.0
 
     def answer(self, request: Message, time_s: float) -> list[Delivery]:
         """Carry out a request, and return the deliveries of the reply. A broadcast has no reply.
@@ -95,14 +101,33 @@ class SimulatedDevice:
 
     def brown_out(self, for_s: Delay) -> None:
         """The device has no power for `for_s`: no current flows, and it sends no reply. Then the device boots."""
-        self._log_event(f"no power for {for_s:g} s" if for_s else "power-up")
-        self.firmware.restart()
-        self._deaf_until_s = self.bench.time_s + for_s + self._boot_s
+        if for_s:
+            self._log_event(f"no power for {for_s:g} s")
+        self._is_powered = False
+        self._powered_at_s = max(self._powered_at_s, self.bench.time_s + for_s)
+        self._deaf_until_s = self._powered_at_s + self._boot_s
+        self._power_up()
+
+    def tick(self, dt_s: float) -> None:
+        """Run the firmware for `dt_s`, also without power: its program has no effect then, and a restart ends it."""
+        self.firmware.tick(dt_s)
+        if not self._is_powered:
+            self._power_up()
+
+    def _power_up(self) -> None:
+        """Restart the firmware if the time without power is over."""
+        if self.bench.time_s >= self._powered_at_s - 1e-9:
+            self._is_powered = True
+            self._log_event("power-up")
+            self.firmware.restart()
 
     def _listens(self, time_s: float) -> bool:
         return time_s >= self._deaf_until_s - 1e-9
 
     def _log_event(self, text: str) -> None:
+        """Record an event of the device, which has no events while it has no power."""
+        if not self._is_powered:
+            return
         self.bench.log_event(f"{self.name}: {text}" if self.name else text)
 
 

@@ -1,5 +1,7 @@
 """A simulated device that loses power, with any firmware."""
 
+import pytest
+
 
 def test_wire_cools_in_a_brown_out_and_device_restarts(bench, watch):
     hot_c, (device,) = bench.plant.temperature_c, bench.devices
@@ -11,3 +13,23 @@ def test_wire_cools_in_a_brown_out_and_device_restarts(bench, watch):
     ((_, reply),) = device.line.receive(request, bench.time_s)
     assert reply[3:5] == b"\0\0"
     assert device.firmware.current_a == 0.0
+
+
+def test_supply_that_starts_with_its_output_on_heats_after_the_brown_out_only(bench, watch):
+    (device,) = bench.devices
+    device.firmware.write({"boot_power": 1.0})
+    device.brown_out(3.0)
+    assert max(watch(bench, 2.98, lambda bench: bench.plant.current_a)) == 0.0
+    bench.advance_to(23.02)
+    assert bench.plant.current_a == pytest.approx(0.25)
+
+
+def test_power_returns_after_the_longest_of_several_brown_outs(bench, watch):
+    (device,) = bench.devices
+    device.firmware.write({"boot_power": 1.0})
+    device.brown_out(3.0)
+    bench.advance_to(21.0)
+    device.power_cycle()
+    assert max(watch(bench, 1.98, lambda bench: bench.plant.current_a)) == 0.0
+    bench.advance_to(23.02)
+    assert bench.plant.current_a == pytest.approx(0.25)

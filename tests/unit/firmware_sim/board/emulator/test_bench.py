@@ -114,7 +114,7 @@ def test_board_without_power_does_not_answer(device):
     device.brown_out(1.0)
     device.bench.advance_to(0.5)
     assert ask(device, IDENTITY) == []
-    device.bench.advance_to(1.1)
+    device.bench.advance_to(1.4)
     assert [reply for _, reply in ask(device, IDENTITY)] == [REPLY]
 
 
