@@ -24,7 +24,7 @@ from smadrive.runs.health.assessment import health_lines
 from smadrive.runs.run_log import TickRecorder
 from smadrive.runs.session_record import session_ended_event
 from smadrive.safety.arming_checks import check_thermocouple
-from smadrive.safety.shutdown import ends_safe, off_text, shutdown_of
+from smadrive.safety.shutdown import ShutdownOutcome, ends_safe, off_text, shutdown_of
 from smadrive.stream.samples import row_of
 from smadrive.tuning.builder.build import ModelBuilder, tuned_controller
 from smadrive.tuning.link.channel import MESSAGES_PER_TICK, DriverEnd
@@ -98,19 +98,17 @@ class TuningSession:
     def run(self) -> None:
         """Run until the process is interrupted. DataError if the log cannot be written. No request ends the session."""
         try:
-            while True:
-                self._wait()
-                self._heat()
-        finally:
-            self._end()
+            with ends_safe(self._rig.heater.enter_safe_state):
+                while True:
+                    self._wait()
+                    self._heat()
+        except BaseException as error:
+            self._end(shutdown_of(error))
+            raise
 
-    def _end(self) -> None:
-        """Switch the heater off, and publish the end. It says whether the devices have confirmed the safe state."""
-        try:
-            self._rig.heater.enter_safe_state()
-            self._status.end_session(confirmed=True)
-        except Exception:  # noqa: BLE001  (after any error the heater is not confirmed off)
-            self._status.end_session(confirmed=False)
+    def _end(self, outcome: ShutdownOutcome | None) -> None:
+        """Publish the end. It says whether the devices have confirmed the safe state."""
+        self._status.end_session(confirmed=outcome is not None and outcome.confirmed)
         self._publish()
         self._note()
         self._state.report(session_ended_event(confirmed=self._status.is_safe))

@@ -1,11 +1,12 @@
 """OFF of the tuning page gives zero current, is confirmed, and wins over earlier requests."""
 
+import signal
 from itertools import pairwise
 
 import pytest
 
 from smadrive.errors import DataError
-from tests.unit.tuning.conftest import AFTER_OFF, NONE_A, currents
+from tests.unit.tuning.conftest import AFTER_OFF, NONE_A, Ended, currents
 
 
 @pytest.mark.parametrize("way", ["counter", "message"])
@@ -74,6 +75,27 @@ def test_end_of_the_session_publishes_whether_the_heater_is_confirmed_off(rig, a
     rig.run(until_s=3.0)
     assert seen == [None]
     assert rig.end == end
+
+
+@pytest.fixture
+def interrupts():
+    """A function that sends the signal of Ctrl-C, which raises Ended unless signals are held."""
+
+    def end(_number, _frame):
+        raise Ended
+
+    before = signal.signal(signal.SIGINT, end)
+    yield lambda: signal.raise_signal(signal.SIGINT)
+    signal.signal(signal.SIGINT, before)
+
+
+def test_signal_while_the_session_ends_does_not_prevent_the_confirmation(rig, interrupts):
+    pending = []
+    rig.clock.follow(lambda _now_s: pending.pop()() if pending else None)
+    rig.do(3.0, lambda: pending.append(interrupts))
+    rig.run(until_s=3.0)
+    assert pending == []
+    assert rig.end == "off"
 
 
 def test_arm_after_off_is_accepted(rig):
