@@ -5,14 +5,16 @@ never overwritten, because its measurements cannot be repeated. Models, tables a
 replace an existing file. Commands call `check_output` before they heat or compute.
 
 A reader sees the old file or the new one, never a part. The new content is written to a partial file in the same
-folder, synchronized to the disk, and renamed. A rename could also replace a device node, a pipe or a socket, so only a
-regular file may be replaced. For anything else at the path, an error is raised before the first byte is written. If the
-path is a link, the target of the link is replaced, and the link stays.
+folder, synchronized to the disk, and renamed. The partial file of a killed process stays, but blocks no later writing:
+its name has a random part, because process numbers repeat in containers. A rename could also replace a device node, a
+pipe or a socket, so only a regular file may be replaced. For anything else at the path, an error is raised before the
+first byte is written. If the path is a link, the target of the link is replaced, and the link stays.
 """
 
 from __future__ import annotations
 
 import os
+import secrets
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -80,7 +82,7 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         before = _replaceable(path)
         target = path.resolve()
-        partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
+        partial = target.with_name(f".{target.name}.{secrets.token_hex(4)}.partial")
         os.close(os.open(partial, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:
         raise _unwritable(path, error) from None

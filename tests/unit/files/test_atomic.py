@@ -50,6 +50,12 @@ def test_replaced_file_keeps_its_owner(tmp_path):
     assert (found.st_uid, found.st_gid) == (1234, 4321)
 
 
+def test_leftover_of_a_killed_process_with_the_same_number_blocks_nothing(tmp_path):
+    (tmp_path / f".f.{os.getpid()}.partial").write_text("half")
+    write(tmp_path / "f")
+    assert (tmp_path / "f").read_text() == "new"
+
+
 def test_old_file_stays_until_the_new_one_is_complete(tmp_path):
     (tmp_path / "f").write_text("old")
     with pytest.raises(ZeroDivisionError), replacing(tmp_path / "f") as partial:  # noqa: PT012

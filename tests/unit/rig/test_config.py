@@ -1,7 +1,6 @@
 """Rig files, and the files that they name."""
 
 import json
-import os
 from math import inf
 from pathlib import Path
 
@@ -96,7 +95,7 @@ def test_tuning_without_a_name_is_not_saved(folder):
 
 
 def test_model_is_removed_when_its_rig_cannot_be_written(folder):
-    (folder / f".tuned.toml.{os.getpid()}.partial").mkdir()
+    (folder / "tuned.toml").symlink_to(folder / "absent" / "tuned.toml")
     with pytest.raises(DataError, match=r"tuned\.toml"):
         save_tuning(folder, "tuned", folder / "rig.toml", TUNED)
     assert not (folder / "tuned.json").exists()
