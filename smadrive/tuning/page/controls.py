@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from math import nan
 from typing import Any, get_args
 
 from bokeh.models import Button, Select, Spinner, TextInput
@@ -76,7 +77,7 @@ class Controls:
             "use_b": self._button("use_b", "Use B", "default", partial(act, "recall", slot="B")),
             "compare": self._driving_button("compare", "Compare", "default", self._compare),
             "adapt": self._button("adapt", "Adapt", "default", lambda: act("adapt", on=not self._is_adapting)),
-            "fit": self._button("fit", "Fit", "default", lambda: act("fit", seconds=float(self._fit_s.value))),
+            "fit": self._button("fit", "Fit", "default", lambda: act("fit", seconds=_number(self._fit_s.value))),
             "save": self._button("save", "Save", "default", lambda: act("save", name=str(self._name.value))),
         }
         self._reference = Select(value=references[0] if references else "", options=references, name="reference")
@@ -150,6 +151,11 @@ class Controls:
 
     def _compare(self, offs: int) -> None:
         self._act("compare", offs=offs, on=not self._is_comparing)
+
+
+def _number(value: float | None) -> float:
+    """Return the number in a field; NaN if the user has emptied the field."""
+    return nan if value is None else float(value)
 
 
 def _button(name: str, label: str, kind: str) -> Button:

@@ -15,11 +15,12 @@ from __future__ import annotations
 import json
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import replace
+from math import isnan
 from multiprocessing import get_context
 
 import numpy as np
 
-from smadrive.errors import IdentificationError
+from smadrive.errors import ConfigError, IdentificationError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.record import prepare
 from smadrive.identification.wire import FitSettings, identify_hysteresis
@@ -76,8 +77,10 @@ class Fitter:
         """Begin to fit a model to the rows of the last `seconds` in which the wire was heated.
 
         Return the future of the fitted wire. `wire` is the text of the wire in force; the new model is of the same
-        kind. IdentificationError when the rows do not determine a model.
+        kind. IdentificationError when the rows do not determine a model. ConfigError if `seconds` is NaN.
         """
+        if isnan(seconds):
+            raise ConfigError("the field beside Fit is empty", cure="type a number of seconds into the field")
         loop = heated_loop(rows, seconds, wire)
         try:
             return self._pool.submit(fit_wire, *loop, wire)

@@ -1,5 +1,6 @@
 """Every action is done on the page in control, and refused on all other pages."""
 
+import json
 import secrets
 from functools import partial
 from types import SimpleNamespace
@@ -89,6 +90,10 @@ class OpenPage:
             self._page._draw()
         return self._doc.get_model_by_name("banner").text
 
+    def empty(self, name):
+        """Empty a field for a number, as a user does who deletes its text."""
+        self._doc.get_model_by_name(name).value = None
+
     @property
     def buttons(self):
         return {model.name for model in self._doc.models if isinstance(model, Button)}
@@ -109,6 +114,14 @@ def test_every_action_of_a_page_is_refused_unless_it_controls(opened, tmp_path):
     assert refused == (set() if controls else set(acts))
     assert bool(list(page.rig.driver_end.received(100))) == controls
     assert bool(list(tmp_path.iterdir())) == controls
+
+
+def test_fit_to_an_empty_number_of_seconds_is_refused(opened):
+    page, controls = opened
+    page.empty("fit_s")
+    note = page.note_after(dict(page.acts())["fit", "button_click"])
+    sent = [json.loads(message)["act"] for message in page.rig.driver_end.received(100)]
+    assert (WATCHES in note, sent) == ((False, ["note"]) if controls else (True, []))
 
 
 @pytest.mark.exhaustive
