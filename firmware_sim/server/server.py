@@ -61,10 +61,11 @@ class Server:
         self._endpoints = endpoints
         self._agenda: list[tuple[float, int, Callable[[], None]]] = []
         self._order = 0
+        self._returns_s: dict[Endpoint, float] = {}
 
     def faulty_connection(self, endpoint: Endpoint) -> FaultyConnection:
         """Return all clients of `endpoint` as one connection, on which the faults of the line act."""
-        return _EndpointClients(endpoint, self._do_at)
+        return _EndpointClients(endpoint, self._do_at, self._close_until)
 
     def run_real(self) -> None:
         """Follow the monotonic clock, in steps of 10 ms at most, until KeyboardInterrupt."""
@@ -122,13 +123,31 @@ class Server:
             self._order += 1
             heapq.heappush(self._agenda, (due_s, self._order, action))
 
+    def _close_until(self, endpoint: Endpoint, return_s: float) -> None:
+        """Close `endpoint` until `return_s`; until the later time if it is closed already until another time."""
+        endpoint.close()
+        self._returns_s[endpoint] = max(return_s, self._returns_s.get(endpoint, return_s))
+        self._do_at(return_s, partial(self._reopen, endpoint))
+
+    def _reopen(self, endpoint: Endpoint) -> None:
+        """Open `endpoint`, if it is closed and the time of its return has come."""
+        if self._returns_s.get(endpoint, math.inf) <= self._simulation.time_s:
+            del self._returns_s[endpoint]
+            endpoint.open()
+
 
 class _EndpointClients:
     """All clients of one endpoint, as one connection on which the faults of the line act."""
 
-    def __init__(self, endpoint: Endpoint, do_at: Callable[[float, Callable[[], None]], None]) -> None:
+    def __init__(
+        self,
+        endpoint: Endpoint,
+        do_at: Callable[[float, Callable[[], None]], None],
+        close_until: Callable[[Endpoint, float], None],
+    ) -> None:
         self._endpoint = endpoint
         self._do_at = do_at
+        self._close_until = close_until
 
     def deliver(self, due_s: float, data: bytes) -> None:
         """Let `data` arrive at `due_s` at every client that is connected now."""
@@ -137,8 +156,7 @@ class _EndpointClients:
 
     def disconnect(self, return_s: float) -> None:
         """Close the endpoint, with all connections; open it again at `return_s`."""
-        self._endpoint.close()
-        self._do_at(return_s, self._endpoint.open)
+        self._close_until(self._endpoint, return_s)
 
 
 def _time_of(line: str) -> float:

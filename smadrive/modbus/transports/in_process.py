@@ -78,9 +78,12 @@ class InProcessTransport:
         return self._lost
 
     def disconnect(self, return_s: float = 0.0) -> None:
-        """Close the connection and drop the bytes that were not read. `reopen` fails before the time `return_s`."""
+        """Close the connection and drop the bytes that were not read.
+
+        `reopen` fails before the time `return_s`, and before the later time of an earlier call.
+        """
         self._lost = True
-        self._return_s = return_s
+        self._return_s = max(self._return_s, return_s)
         self._arriving.clear()
 
     def reopen(self, _deadline_s: float) -> None:

@@ -148,6 +148,17 @@ def test_lost_port_is_reopened_after_its_return(bus, read):
     assert client.counters.reopenings == 1
 
 
+def test_port_returns_after_the_longest_of_several_outages(bus, read):
+    device, client = bus
+    device.faults.vanish(for_s=2.0)
+    device.faults.vanish(for_s=1.0)
+    client.clock.sleep_until(client.clock.now_s() + 1.5)
+    with pytest.raises(TransportError):
+        read()
+    client.clock.sleep_until(client.clock.now_s() + 0.5)
+    assert read()
+
+
 def test_restarting_device_ignores_requests_for_its_boot_time(config):
     device = simulated_device(config, 1, load_profile("xy-sk-family"))
     boot_s = device.profile.timing.boot_ms / 1e3
