@@ -13,10 +13,14 @@ force are added, usually far fewer than were measured. The added samples begin a
 from __future__ import annotations
 
 import json
+import os
+import threading
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import replace
 from math import isnan
-from multiprocessing import get_context
+from multiprocessing import Pipe, get_context
+from multiprocessing.connection import Connection
+from typing import Any
 
 import numpy as np
 
@@ -67,11 +71,12 @@ class Fitter:
     """Fits models in a process of its own, one at a time."""
 
     def __init__(self) -> None:
-        self._pool = _new_pool()
+        self._pool, self._link = _new_pool()
 
     def close(self) -> None:
-        """End the process. A fit that still runs is lost."""
+        """End the process. A fit that still runs is lost: its future raises BrokenExecutor."""
         self._pool.shutdown(wait=False, cancel_futures=True)
+        self._link.close()
 
     def fit(self, rows: Rows, seconds: float, wire: str) -> Future[IdentifiedWire]:
         """Begin to fit a model to the rows of the last `seconds` in which the wire was heated.
@@ -85,12 +90,24 @@ class Fitter:
         try:
             return self._pool.submit(fit_wire, *loop, wire)
         except BrokenExecutor:  # the process died during an earlier fit, which has reported the death
-            self._pool = _new_pool()
+            self._pool, self._link = _new_pool()
             return self._pool.submit(fit_wire, *loop, wire)
 
 
-def _new_pool() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(1, get_context("spawn"))
+def _new_pool() -> tuple[ProcessPoolExecutor, Connection[Any, Any]]:
+    """Return a pool of one process, and the link that ends it: when the link is closed, or when this process dies."""
+    far_end, link = Pipe(duplex=False)
+    return ProcessPoolExecutor(1, get_context("spawn"), _end_with, (far_end,)), link
+
+
+def _end_with(link: Connection[Any, Any]) -> None:
+    """End this process when the other end of `link` is closed. Otherwise an orphan waits for its next task for ever."""
+
+    def wait() -> None:
+        link.poll(None)
+        os._exit(0)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[FloatArray, FloatArray]:

@@ -1,6 +1,13 @@
 """A fit to the last seconds uses the right rows, keeps the ends of the old model, and its model may drive the wire."""
 
+import os
+import select
+import signal
+import subprocess
+import sys
+import time
 from html import unescape
+from multiprocessing import active_children
 
 import numpy as np
 import pytest
@@ -8,7 +15,7 @@ from marks import exhaustive
 
 from smadrive.errors import IdentificationError
 from smadrive.stream.samples import COLUMNS
-from smadrive.tuning.page.fit import fit_wire, heated_loop
+from smadrive.tuning.page.fit import Fitter, fit_wire, heated_loop
 from smadrive.tuning.page.panel import banner_html, chips_html
 from smadrive.wire.identified_wire import parse_wire
 from smadrive.wire.wire_model import travel_mm
@@ -124,3 +131,39 @@ def test_note_of_a_page_is_added_to_the_events(rig):
 def test_empty_record_is_refused():
     with pytest.raises(IdentificationError):
         heated_loop(np.empty((0, len(COLUMNS))), 120.0, "")
+
+
+PATIENCE_S = 20.0
+BUSY = """
+import multiprocessing, sys, time
+from smadrive.tuning.page.fit import Fitter
+
+if __name__ == "__main__":
+    busy = Fitter()._pool.submit(time.sleep, 600.0)
+    print(multiprocessing.active_children()[0].pid, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_closing_ends_a_fit_that_runs():
+    fitter, others = Fitter(), active_children()
+    fitter._pool.submit(time.sleep, 600.0)
+    (process,) = (one for one in active_children() if one not in others)
+    fitter.close()
+    process.join(PATIENCE_S)
+    assert process.exitcode is not None
+
+
+def test_fit_ends_with_a_killed_page_process(tmp_path):
+    (tmp_path / "busy.py").write_text(BUSY)
+    page = subprocess.Popen(
+        [sys.executable, tmp_path / "busy.py"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    with page:
+        fit = os.pidfd_open(int(page.stdout.readline()))
+        page.kill()
+    ended, _, _ = select.select([fit], [], [], PATIENCE_S)
+    if not ended:
+        signal.pidfd_send_signal(fit, signal.SIGKILL)
+    os.close(fit)
+    assert ended
