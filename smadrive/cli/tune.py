@@ -33,7 +33,7 @@ from smadrive.runs.experiments import read_reference
 from smadrive.runs.health.assessment import assess, expected_of
 from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.run_log import WIRE_FILE, record_session
-from smadrive.tuning.link.channel import DriverEnd
+from smadrive.tuning.link.channel import DriverEnd, check_wire
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
@@ -72,6 +72,7 @@ def main(
     output = Output(as_json)
     config = load_rig(rig)
     wire = load_wire(model_file(config, model))
+    check_wire(wire.text(), wire.caveats, wire.source)
     tuning = Tuning.of(wire.model, config.feedback, "as loaded", wire.caveats, config.displacement_from)
     references = _references(reference or [], wire.model, config.limits)
     with (

@@ -25,16 +25,26 @@ import json
 import os
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+from smadrive.errors import ConfigError
 from smadrive.stream.shared_memory import STREAM, SharedReader, SharedWriter
 
-MESSAGE_BYTES = 1 << 16
+MESSAGE_BYTES = 1 << 17
+"""Largest length of a message. Linux accepts datagrams of up to 200,000 bytes."""
+
+WIRE_BYTES = MESSAGE_BYTES - (1 << 14)
+"""Largest length of a wire with its caveats, as JSON.
+
+The status holds the wire in force, and the request after a fit holds a new wire. The status also has up to 100,000
+bytes of events, and must not exceed the `STATUS_BYTES` of the shared memory.
+"""
+
 MESSAGES_PER_TICK = 4
 
 
@@ -52,6 +62,13 @@ CHANNEL = np.dtype(
 """The layout of the shared memory: rows and status, then the counters of the channel."""
 
 
+def check_wire(text: str, caveats: Sequence[str], where: str) -> None:
+    """Raise ConfigError if the wire is longer than `WIRE_BYTES`. `text` is its text, and `where` is its file."""
+    size = len(json.dumps([text, *caveats]))
+    if size > WIRE_BYTES:
+        raise _too_long(where, size, WIRE_BYTES)
+
+
 class MessageLink:
     """One of the two connected sockets of the channel."""
 
@@ -60,9 +77,15 @@ class MessageLink:
         messages.setblocking(False)
 
     def send(self, message: dict[str, Any]) -> bool:
-        """Send a message. Return False if the other end is closed, its queue is full, or the message is too long."""
+        """Send a message. Return False if the other end is closed, or its queue is full.
+
+        ConfigError if the message is longer than `MESSAGE_BYTES`: the other end would get only a part of it.
+        """
+        content = json.dumps(message).encode()
+        if len(content) > MESSAGE_BYTES:
+            raise _too_long("message", len(content), MESSAGE_BYTES)
         with suppress(OSError):
-            return self.messages.send(json.dumps(message).encode()) > 0
+            return self.messages.send(content) > 0
         return False
 
     def received(self, limit: int) -> Iterator[bytes]:
@@ -153,3 +176,8 @@ class PageEnd(SharedReader, MessageLink):
         """Return the process id of the page process, or None if its last heartbeat is older than `within_s`."""
         age_s = 1e-9 * (time.monotonic_ns() - self._count("page_beat_ns"))
         return self._count("page_pid") if age_s < within_s else None
+
+
+def _too_long(where: str, size: int, limit: int) -> ConfigError:
+    cure = "identify a model with fewer sets or thresholds"
+    return ConfigError("too long for the tuning page", where=where, value=f"{size} bytes", limit=limit, cure=cure)

@@ -13,6 +13,7 @@ import secrets
 from collections.abc import Callable
 from typing import Any
 
+from smadrive.errors import ConfigError
 from smadrive.tuning.link.channel import PageEnd
 
 MAX_ANSWERS = 50
@@ -71,9 +72,16 @@ class ClientRegistry:
             return
         self._number += 1
         self._pending[self._number] = answered
-        if not self.channel.send({"number": self._number, "act": act, **values}):
+        if refused := self._refusal({"number": self._number, "act": act, **values}):
             del self._pending[self._number]
-            answered("the driver accepts no request now: try again")
+            answered(refused)
+
+    def _refusal(self, request: dict[str, Any]) -> str | None:
+        """Send a request. Return None, or the reason if it cannot be sent."""
+        try:
+            return None if self.channel.send(request) else "the driver accepts no request now: try again"
+        except ConfigError as error:
+            return str(error)
 
     def _report(self) -> None:
         self.channel.report_pages(len(self._clients), is_controlled=self._controlling is not None)

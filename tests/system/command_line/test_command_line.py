@@ -367,6 +367,7 @@ WRONG = [
     ("data that is a page", ("identify", "link.html", *STRAIN), 2, "link.html: neither a log nor a CSV"),
     ("a demo among other files", ("demo", "-o", "."), 2, "is not empty"),
     ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "the time of sim:// is virtual"),
+    ("a model too long for the page", ("tune", "in-process", "--model", "long.json"), 2, "long.json: too long for"),
     ("tuning without a resistance", ("tune", "by.toml", "--model", "loop.json"), 2, "the model file has no resistance"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
     ("a rig that is a pipe", ("probe", "pipe.toml"), 2, "pipe.toml: is a pipe, not a regular file. Give"),
@@ -415,6 +416,7 @@ def test_error_is_one_line_with_its_exit_code_and_writes_nothing(data, arguments
     (data / "link.html").symlink_to(data / "kept.h5")
     (data / "page.html").write_text("<!doctype html>\n<title>a run</title>\n")
     save_model(LOOP, data / "loop.json")
+    save_model(LOOP, data / "long.json", provenance={"caveats": ["long"] * 20_000})
     before = contents(data)
     done = smadrive(*arguments, cwd=data)
     assert done.returncode == code, done.stderr
