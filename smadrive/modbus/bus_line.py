@@ -65,6 +65,8 @@ class BusLine:
         Open a lost connection, keep the pauses, discard the bytes that have arrived, and keep a quarantine if one is
         necessary. TransportError when the connection cannot be opened, or when the bus is never silent.
         """
+        if self._protocol.state is ConnectionState.WAITING:  # a signal interrupted the last exchange and its `give_up`
+            self._protocol.give_up(self.clock.now_s())
         if self._transport.lost:
             self._reopen()
         gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
@@ -85,12 +87,11 @@ class BusLine:
         the connection. A socket is closed if no complete reply has arrived at the deadline.
         """
         unit_id, request, timing = transaction
-        frame = self._protocol.send(unit_id, request)
         reply_size = 1 + len(request.reply_head) + request.payload_size + self._tail_size
         on_wire_s = (len(request.pdu) + 3 + reply_size) * self._character_s
         sent_s = self.clock.now_s()
         try:
-            self._write(frame)
+            self._write(self._protocol.send(unit_id, request))
             outcome = self._outcome(sent_s + on_wire_s + self._patience_s(timing))
         except BaseException:  # also after Ctrl-C the reply may still arrive
             if self._protocol.state is ConnectionState.WAITING:

@@ -67,11 +67,11 @@ class ClientProtocol:
 
     def send(self, unit_id: int, request: Request) -> bytes:
         """Return the frame to write. Bytes that arrive from now on may be the answer to `request`."""
-        self._become(ConnectionEvent.SENT)
         self._unit_id, self._request, self._reply = unit_id, request, b""
         self._head = bytes((unit_id,)) + request.reply_head
         self._exception_head = bytes((unit_id, request.function | 0x80))
         self._size = len(self._head) + request.payload_size + self._framing.tail_size
+        self._become(ConnectionEvent.SENT)
         return self._framing.request(unit_id, request.pdu)
 
     def send_unconfirmed(self, unit_id: int, request: Request, now_s: float) -> bytes:

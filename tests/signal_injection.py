@@ -1,0 +1,37 @@
+"""A signal at a chosen source line: KeyboardInterrupt is raised there, as the handler of SIGINT raises it."""
+
+import sys
+
+
+class InterruptedLine:
+    """A context manager that raises KeyboardInterrupt before one line of `modules`, and suppresses it at the end.
+
+    `at` counts the lines of `modules` that run in the `with` block, beginning with 0. `reached` tells if the block had
+    so many lines. A test that increments `at` until `reached` is False interrupts the block once at each line.
+    """
+
+    def __init__(self, at, *modules):
+        self.reached = False
+        self._left = at
+        self._files = {module.__file__ for module in modules}
+
+    def __enter__(self):
+        self._before = sys.gettrace()
+        sys.settrace(self._on_call)
+        return self
+
+    def __exit__(self, kind, error, trace):
+        sys.settrace(self._before)
+        return kind is KeyboardInterrupt
+
+    def _on_call(self, frame, _event, _argument):
+        return self._on_line if frame.f_code.co_filename in self._files else None
+
+    def _on_line(self, _frame, event, _argument):
+        if event == "line":
+            if self._left == 0:
+                self.reached = True
+                sys.settrace(None)
+                raise KeyboardInterrupt
+            self._left -= 1
+        return self._on_line
