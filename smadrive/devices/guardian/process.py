@@ -171,16 +171,20 @@ def _answer(what: bytes) -> None:
 
 
 def _print(text: str) -> None:
-    """Print to the terminal, which may be gone or stalled: wait at most `TERMINAL_WITHIN_S`."""
+    """Print to the terminal, which may be gone or stalled: wait at most `TERMINAL_WITHIN_S`.
+
+    Print nothing if the system has no thread or no memory left, because no error may end the guardian.
+    """
     line = f"smadrive guardian: {text}\n".encode()
 
     def write() -> None:
         with contextlib.suppress(OSError):
             os.write(TERMINAL_FD, line)
 
-    writer = threading.Thread(target=write, daemon=True)
-    writer.start()
-    writer.join(TERMINAL_WITHIN_S)
+    with contextlib.suppress(RuntimeError, MemoryError):
+        writer = threading.Thread(target=write, daemon=True)
+        writer.start()
+        writer.join(TERMINAL_WITHIN_S)
 
 
 def guard(task: Task, driver: DriverProcess) -> None:

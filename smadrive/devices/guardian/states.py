@@ -25,6 +25,7 @@ states it only listens. The table has an entry for every event that can occur in
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from enum import Enum, auto
 from typing import NamedTuple
 
@@ -178,18 +179,26 @@ def run(
 
     `listen(within_s)` waits at most `within_s` for a signal of the driver. After the driver has closed the pipe,
     `listen` waits the whole time. `attempt(state)` tries to switch the heater off. `act` carries out an action. A
-    driver that heats counts as dead after a silence of `timeout_s`.
+    driver that heats counts as dead after a silence of `timeout_s`. An error of `attempt` counts as UNREACHABLE, and an
+    error of `act` changes nothing, because no error may end the guardian.
     """
     state = GuardianState.IDLE
 
     def take(event: Event) -> GuardianState:
         step = TABLE[state][event]
         if step.action is not None:
-            act(step.action)
+            with suppress(Exception):
+                act(step.action)
         return step.state
+
+    def outcome() -> AttemptOutcome:
+        try:
+            return attempt(state)
+        except Exception:  # noqa: BLE001
+            return AttemptOutcome.UNREACHABLE
 
     while state is not GuardianState.DONE:
         if state in ATTEMPTS:
-            state = take(attempt(state))
+            state = take(outcome())
         if state is not GuardianState.DONE:
             state = take(listen(timeout_s if state in PATIENT else LOOK_AGAIN_S))

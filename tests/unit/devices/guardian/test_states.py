@@ -17,7 +17,10 @@ TIMEOUT_S = 3.0
 
 
 class Script:
-    """Returns the signals of the driver and the outcomes of attempts in turn, and records actions and waits."""
+    """Returns the signals of the driver and the outcomes of attempts in turn, and records actions and waits.
+
+    An exception in place of an outcome is raised by the attempt.
+    """
 
     def __init__(self, *events):
         self.events = list(events)
@@ -37,7 +40,10 @@ class Script:
 
     def attempt(self, state):
         self.attempts.append(state)
-        return self.take(AttemptOutcome)
+        outcome = self.take(AttemptOutcome | Exception)
+        if isinstance(outcome, Exception):
+            raise outcome
+        return outcome
 
     def run(self):
         run(self.listen, self.attempt, self.actions.append, TIMEOUT_S)
@@ -140,3 +146,18 @@ def test_heat_that_returns_while_the_driver_sleeps_is_taken_over_again():
         GuardianState.TAKING_OVER,
         GuardianState.WAITING_FOR_DEVICE,
     ]
+
+
+@pytest.mark.parametrize("error", [RuntimeError("can't start new thread"), MemoryError(), OSError()])
+def test_error_of_an_attempt_does_not_end_the_guardian(error):
+    story = Script(HEARTBEAT, SILENCE, error, SILENCE, OFF, CLOSED, error, SILENCE, OFF).run()
+    assert story.attempts == [GuardianState.TAKING_OVER] * 2 + [GuardianState.WAITING_FOR_DEVICE] * 2
+
+
+def test_error_of_an_action_does_not_end_the_guardian():
+    def act(action):
+        raise MemoryError
+
+    story = Script(HEARTBEAT, SILENCE, BARRED, SILENCE, CLOSED, OFF)
+    run(story.listen, story.attempt, act, TIMEOUT_S)
+    assert not story.events
