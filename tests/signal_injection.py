@@ -8,10 +8,12 @@ class InterruptedLine:
 
     `at` counts the lines of `modules` that run in the `with` block, beginning with 0. `reached` tells if the block had
     so many lines. A test that increments `at` until `reached` is False interrupts the block once at each line.
+    `error` keeps the KeyboardInterrupt, and with it every object of the interrupted calls, as a shutdown does.
     """
 
     def __init__(self, at, *modules):
         self.reached = False
+        self.error = None
         self._left = at
         self._files = {module.__file__ for module in modules}
 
@@ -22,6 +24,7 @@ class InterruptedLine:
 
     def __exit__(self, kind, error, trace):
         sys.settrace(self._before)
+        self.error = error
         return kind is KeyboardInterrupt
 
     def _on_call(self, frame, _event, _argument):

@@ -4,6 +4,10 @@ pyserial is not used for reads and writes: it takes its timeout from an attribut
 reprograms the port. A lost connection is closed at once. If the port stayed open, a USB adapter that is plugged in
 again would get another name. `reopen` opens the connection again.
 
+A signal may interrupt the opening or the closing of a connection at any line. So an interrupted opening leaves the
+connection lost, and `disconnect` closes the port even then: otherwise a lock, or the only connection that a gateway
+accepts, would stay with a port that no transport uses.
+
 A forked child closes its copies of the connections. Otherwise a device that accepts only one client would stay
 occupied after the end of the driver.
 """
@@ -29,15 +33,11 @@ _MOST_READS = 64
 _GONE = -1
 
 
-class OpenPort(Protocol):
-    """A port or socket that the operating system has opened, in non-blocking mode."""
-
-    def fileno(self) -> int:
-        """Return the file descriptor."""
-        ...
+class Port(Protocol):
+    """A port or socket of the operating system, in non-blocking mode as soon as it is open."""
 
     def close(self) -> None:
-        """Close the port or socket."""
+        """Close the port or socket. A second call does nothing."""
         ...
 
 
@@ -56,6 +56,7 @@ class DescriptorTransport(ABC):
     reconnects: ClassVar[bool]
     empty_reads_at_end: ClassVar[int] = 1
     port_access: PortAccess | None = None
+    _port: Port | None = None
 
     def __init__(
         self, name: str, framing: Framing, baudrate: int | None, timeout_s: float, latency_s: float = 0.0
@@ -67,12 +68,19 @@ class DescriptorTransport(ABC):
         self.latency_s = latency_s
         self._closed = False
         self._descriptor = _GONE
-        self._open(timeout_s)
-        _transports.add(self)
+        try:
+            self._open(timeout_s)
+            _transports.add(self)
+        except BaseException:
+            self.close()
+            raise
 
     @abstractmethod
-    def _open_port(self, timeout_s: float) -> OpenPort:
-        """Open the port within `timeout_s` and return it; TransportError when it cannot be opened."""
+    def _open_port(self, timeout_s: float) -> int:
+        """Open the port within `timeout_s` and return its descriptor; TransportError when it cannot be opened.
+
+        Set `_port` before the port is open, so that `disconnect` can close the port after an interruption.
+        """
 
     @property
     def lost(self) -> bool:
@@ -141,10 +149,7 @@ class DescriptorTransport(ABC):
 
     def disconnect(self) -> None:
         """Close the connection and drop the bytes that were not read. `reopen` opens it again."""
-        if self._descriptor != _GONE:
-            self._poll.unregister(self._descriptor)
-            self._descriptor = _GONE
-            self._port.close()
+        self._close_port()
 
     def close(self) -> None:
         """Close the connection for good. A second call does nothing."""
@@ -154,9 +159,7 @@ class DescriptorTransport(ABC):
     def close_inherited(self) -> None:
         """Close the connection for good in a forked child. The lock of the port stays with the parent."""
         self._closed = True
-        if self._descriptor != _GONE:
-            self._descriptor = _GONE
-            self._port.close()
+        self._close_port()
 
     def __enter__(self) -> Self:
         return self
@@ -169,10 +172,16 @@ class DescriptorTransport(ABC):
             self.port_access()
 
     def _open(self, timeout_s: float) -> None:
-        self._port = self._open_port(timeout_s)
-        self._descriptor = self._port.fileno()
+        descriptor = self._open_port(timeout_s)
         self._poll = select.poll()  # select() cannot handle a descriptor above 1023
-        self._poll.register(self._descriptor, select.POLLIN)
+        self._poll.register(descriptor, select.POLLIN)
+        self._descriptor = descriptor
+
+    def _close_port(self) -> None:
+        self._descriptor = _GONE
+        if self._port is not None:
+            with suppress(OSError):
+                self._port.close()
 
     def _fail(self, error: Exception) -> NoReturn:
         self.disconnect()

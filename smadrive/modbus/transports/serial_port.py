@@ -49,8 +49,8 @@ class SerialTransport(DescriptorTransport):
         if self._terminal is not None:
             self._terminal.close()
 
-    def _open_port(self, _timeout_s: float) -> serial.Serial:
-        """Open and return the port. The call opens the port or fails at once, so the time limit is not used."""
+    def _open_port(self, _timeout_s: float) -> int:
+        """Open the port, and return its descriptor. This takes no time, so the time limit is not used."""
         if self._terminal is not None and self._terminal.is_left_over:
             raise TransportError(
                 "the pseudo-terminal has ended, and its number may belong to another pseudo-terminal now",
@@ -58,15 +58,16 @@ class SerialTransport(DescriptorTransport):
                 cure="start its program again, and give the path of the new pseudo-terminal",
             )
         self._terminal = PseudoTerminal.at(self.name)
+        self._port = port = serial.Serial(
+            baudrate=self._settings.baudrate,
+            parity="N" if _is_pseudo_terminal(self.name) else self._settings.parity,
+            stopbits=self._settings.stopbits,
+            timeout=0,
+            exclusive=True if self._exclusive else None,
+        )
+        port.port = self.name
         try:
-            port = serial.Serial(
-                self.name,
-                baudrate=self._settings.baudrate,
-                parity="N" if _is_pseudo_terminal(self.name) else self._settings.parity,
-                stopbits=self._settings.stopbits,
-                timeout=0,
-                exclusive=True if self._exclusive else None,
-            )
+            port.open()
         except (
             serial.SerialException,
             termios.error,
@@ -76,7 +77,8 @@ class SerialTransport(DescriptorTransport):
             raise _failure(self.name, error) from None
         with suppress(ValueError, OSError, AttributeError):  # USB adapters then deliver after 1 ms instead of 16 ms
             port.set_low_latency_mode(True)
-        return port
+        descriptor: int = port.fileno()
+        return descriptor
 
 
 def _is_pseudo_terminal(port: str) -> bool:

@@ -61,12 +61,12 @@ class SocketTransport(DescriptorTransport):
                 self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
         super().disconnect()
 
-    def _open_port(self, timeout_s: float) -> socket.socket:
+    def _open_port(self, timeout_s: float) -> int:
         give_up_s = time.monotonic() + timeout_s
         while True:
             left_s = max(min(give_up_s - time.monotonic(), ATTEMPT_S), _SHORTEST_TIMEOUT_S)
             try:
-                self._connection = socket.create_connection(self._address, left_s)
+                self._connect(left_s)
             except OSError as error:
                 if not isinstance(error, TimeoutError) or time.monotonic() >= give_up_s:
                     raise _failure(self.name, self._host, timeout_s, error) from None
@@ -77,7 +77,22 @@ class SocketTransport(DescriptorTransport):
             if hasattr(socket, option):
                 self._connection.setsockopt(level, getattr(socket, option), value)
         self._connection.setblocking(False)
-        return self._connection
+        return self._connection.fileno()
+
+    def _connect(self, timeout_s: float) -> None:
+        """Connect to the first address of the host that accepts; OSError of the last address if none accepts."""
+        failure = OSError("the host has no address")
+        for family, kind, protocol, _, address in socket.getaddrinfo(*self._address, type=socket.SOCK_STREAM):
+            self._port = self._connection = socket.socket(family, kind, protocol)
+            self._connection.settimeout(timeout_s)
+            try:
+                self._connection.connect(address)
+            except OSError as error:
+                self._connection.close()
+                failure = error
+            else:
+                return
+        raise failure
 
 
 def _failure(name: str, host: str, timeout_s: float, error: OSError) -> TransportError:
