@@ -165,9 +165,21 @@ class BusLine:
             return b""
 
     def _reopen(self) -> None:
-        self._transport.reopen(self.clock.now_s() + REOPENS_WITHIN_S)
-        self.counters.reopenings += 1
+        """Open a lost connection again.
+
+        The state of the new connection is recorded before the connection is open, because a signal may interrupt this
+        method at any line. So no device on the new connection counts as identified, and its bus never as silent.
+        """
+        opens_by_s = self.clock.now_s() + REOPENS_WITHIN_S
+        self._free_at_s = opens_by_s
         self._protocol.new_connection()
+        self.counters.reopenings += 1
+        try:
+            self._transport.reopen(opens_by_s)
+        except BaseException:
+            if self._transport.lost:
+                self.counters.reopenings -= 1
+            raise
         self._free_at_s = self.clock.now_s()
 
     def _patience_s(self, timing: BusTiming) -> float:
