@@ -5,8 +5,9 @@ It may import everything below it. Logic that scripts also need belongs to rig, 
 Every error of smadrive becomes a message on stderr and an exit code: 2 usage or config, 3 communication or device,
 4 safety, 5 identification (see errors.py). The exit code of an interruption is 130, or 4 if a trip was already ending
 the run. Ctrl-C is the normal end of `watch`, with exit code 0. Ctrl-C, SIGTERM and a closed terminal unwind the
-program, so the heater is off before the program ends. Signals that arrive while the heater is switched off are held
-back (see interrupts.py). The last lines say whether a run tripped and whether the heater is confirmed off.
+program, so the heater is off before the program ends; later signals do not disturb this. Signals that arrive while the
+heater is switched off are held back (see interrupts.py). The last lines say whether a run tripped and whether the
+heater is confirmed off.
 """
 
 from __future__ import annotations
@@ -30,10 +31,9 @@ def main() -> None:
     """Entry point of the command `smadrive`."""
     os.environ |= {**ONE_THREAD, **os.environ}
     open_stdout()
-    interrupt = _Interrupt()
     for number in SIGNALS:
         if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN:  # with nohup, SIGHUP stays ignored
-            signal.signal(number, interrupt)
+            signal.signal(number, _interrupt)
     try:
         from smadrive.cli.parsing.app import (  # noqa: PLC0415 (a signal during this import is handled, too)
             command_line,
@@ -50,6 +50,8 @@ def main() -> None:
     except SystemExit as ended:
         if ended.code != INTERRUPTED:
             raise
+        for number in SIGNALS:  # the command has ended: a later signal could only disturb its last lines
+            signal.signal(number, signal.SIG_IGN)
         _print_end(ended, *_endings(ended, "interrupted"))
         trip = _trip_before(ended)
         if trip is None:
@@ -89,16 +91,25 @@ def _print_end(error: BaseException, *ending: str) -> None:
             print(*(f"smadrive: {line}" for line in lines), sep="\n", file=sys.stderr)
 
 
-class _Interrupt:
-    """The handler of `SIGNALS`. The first signal unwinds the program; later signals have no effect.
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """The handler of `SIGNALS`. Raise SystemExit, unless an earlier signal is unwinding the program.
+
+    An earlier signal alone is no reason to ignore a later one: Python swallows an exception that is raised in a
+    finalizer or in the lock of an import, and the program goes on.
 
     The handler prints nothing, because a stalled terminal must not keep the heater on.
     """
+    if not _is_unwinding():
+        raise SystemExit(INTERRUPTED)
 
-    _is_ending = False
 
-    def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        """Raise SystemExit at the first signal."""
-        if not self._is_ending:
-            self._is_ending = True
-            raise SystemExit(INTERRUPTED)
+def _is_unwinding() -> bool:
+    """Return True if an exception that is handled now, or one of its contexts, is the SystemExit of `_interrupt`."""
+    seen: set[int] = set()  # contexts may form a circle
+    error = sys.exception()
+    while error is not None and id(error) not in seen:
+        if isinstance(error, SystemExit) and error.code == INTERRUPTED:
+            return True
+        seen.add(id(error))
+        error = error.__context__
+    return False

@@ -465,6 +465,25 @@ def test_signal_during_the_first_imports_is_an_interruption():
     assert "Traceback" not in done.stderr
 
 
+def test_signal_ends_the_command_although_python_swallowed_an_earlier_one():
+    script = (
+        "import signal, sys\n"
+        "class Press:\n"
+        "    def __del__(self):\n"
+        "        signal.raise_signal(signal.SIGINT)\n"
+        "    def find_spec(name, path=None, target=None):\n"
+        "        if name == 'typer':\n"
+        "            Press()\n"
+        "            signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Press)\n"
+        "from smadrive.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert "Exception ignored" in done.stderr
+    assert done.returncode == 130
+
+
 def test_off_and_version_import_no_maths_and_no_tables(tmp_path):
     (tmp_path / "rig.toml").write_text(rig_text("/tmp/smadrive-sim", "/dev/ttyNONE"))  # noqa: S108
     script = (
