@@ -21,8 +21,9 @@ ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear la
 def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = False) -> None:
     """Emergency stop: stop the driver of RIG, if one runs, and switch the heater off, confirmed by read-back.
 
-    The exit code is 0 only if the heater is confirmed off. If standard output cannot be written, the text goes to
-    standard error, and the exit code stays the same.
+    The exit code is 0 only if the heater is confirmed off, and every other device is in its safe state. With --json,
+    `safe` is true only then, and `failure` holds the error otherwise. If standard output cannot be written, the text
+    goes to standard error, and the exit code stays the same.
     """
     use_stderr_if_stdout_fails()
     output = Output(as_json)
@@ -38,28 +39,36 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
     for guardian in waiting:
         output.say(guardian)
     output.warn(warnings)
+    failure = _failure(off)
     output.result(
         {
             "rig": off.rig,
             "devices": off.devices,
             "simulated": off.simulated,
             "stopped_drivers": [asdict(driver) for driver in off.stopped],
-            "safe": not off.displaced and off.refused is None,
+            "safe": failure is None,
+            "failure": None if failure is None else str(failure),
             "faults": off.latched,
             "waiting_guardians": waiting,
             "warnings": warnings,
         }
     )
-    if off.refused is not None:
-        raise off.refused
-    if off.displaced:
-        raise SafetyError(
+    if failure is not None:
+        raise failure
+
+
+def _failure(off: SwitchedOff) -> Exception | None:
+    """Return the error with which the command ends; None if every device is in its safe state.
+
+    A driver that may heat again is the worst error, then a device that may heat elsewhere.
+    """
+    if off.refused is None and off.displaced:
+        return SafetyError(
             "another device was at the port before and may still heat",
             where=off.rig,
             cure="connect that device again, or cut its supply; a line above names its guardian",
         )
-    if off.failure is not None:
-        raise off.failure
+    return off.refused or off.failure
 
 
 def _simulated(off: SwitchedOff) -> Iterator[str]:

@@ -56,7 +56,8 @@ def test_heater_is_off_before_a_missing_sensor_is_reported(hot):
     done = off(rig, "--json")
     assert is_off(process)
     told = json.loads(done.stdout)
-    assert (told["safe"], told["devices"]) == (True, ["supply"])
+    assert (told["safe"], told["devices"]) == (False, ["supply"])
+    assert "no such port" in told["failure"]
     assert done.returncode == 3
     assert "no such port" in done.stderr
     assert UNCONFIRMED not in done.stderr
@@ -159,7 +160,7 @@ def test_unreadable_state_folder_does_not_undo_a_confirmed_off(hot, tmp_path, mo
     assert (done.returncode, done.stderr) == (0, "")
     assert is_off(process)
     told = json.loads(done.stdout)
-    assert told["safe"]
+    assert (told["safe"], told["failure"]) == (True, None)
     assert told["warnings"]
     assert told["faults"]
 
