@@ -144,8 +144,7 @@ class TCLabBoard:
             self.heat(heater, 0.0)
             self._confirm_off(f"R{heater}")
         except (TransportError, ProtocolError):
-            if self._identified:
-                self._line.send_unconfirmed(f"Q{heater} 0.00")
+            self._line.send_unconfirmed(f"Q{heater} 0.00")
             raise
 
     def _says_back(self, command: str, value: float) -> bool:

@@ -63,6 +63,7 @@ class TextLine:
         self._tokens = map(token, count())
         self._trace = GuardedTrace(trace)
         self._banner: str | None = None
+        self._greeted = False  # on this connection
         self._in_step = False
         self._heard = b""
 
@@ -77,7 +78,7 @@ class TextLine:
         IdentityError when another board answers now. `command` is never sent twice.
         """
         if self._transport.lost:
-            self._in_step = False
+            self._greeted = self._in_step = False
             self._transport.reopen(self.clock.now_s() + self._timeout_s)
         if stray := self._heard + self._transport.discard():
             self._drop(stray)
@@ -99,10 +100,11 @@ class TextLine:
     def send_unconfirmed(self, command: str) -> None:
         """Send a command without waiting for its reply. The greeting goes before the next command.
 
-        Nothing is sent if the connection is lost.
+        Nothing is sent if the connection is lost, or if the board has not answered the greeting on this connection: a
+        new connection may lead to another device.
         """
         self._in_step = False
-        if not self._transport.lost:
+        if self._greeted and not self._transport.lost:
             self._send(command)
 
     def distrust(self) -> None:
@@ -120,6 +122,7 @@ class TextLine:
                     raise
                 self._await_silence()
             else:
+                self._greeted = True
                 return
 
     def _answer_at_last(self, exchange: Exchange) -> str:

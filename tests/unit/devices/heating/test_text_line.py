@@ -119,6 +119,33 @@ def test_another_board_is_refused():
     assert board.heard[-1] == "VER"
 
 
+def test_unconfirmed_command_needs_a_greeted_board():
+    board = Board()
+    line, _ = line_to(board)
+    line.send_unconfirmed("N 0")
+    assert board.heard == []
+    line.ask("N 7", NUMBER)
+    line.send_unconfirmed("N 0")
+    assert board.heard[-1] == "N 0"
+    board.says["VER"] = b""
+    with pytest.raises(DeadlineError):
+        line.ask("N 8", NUMBER)
+    line.send_unconfirmed("N 1")
+    assert board.heard[-1] == "N 1"
+
+
+def test_unconfirmed_command_is_not_sent_to_a_silent_device_on_a_new_connection():
+    board = Board()
+    line, transport = line_to(board)
+    line.ask("N 7", NUMBER)
+    transport.disconnect()
+    board.says["VER"] = b""
+    with pytest.raises(DeadlineError):
+        line.ask("N 8", NUMBER)
+    line.send_unconfirmed("N 0")
+    assert board.heard[-1] == "VER"
+
+
 def test_line_that_is_never_silent_is_an_error():
     line, transport = line_to(Board(says={"VER": b"?\r\n"}))
     for tenth in range(100):
