@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.parsing.usage import PlainCommand, PlainGroup, epilog_of
+from smadrive.errors import ConfigError
 
 COMMANDS = {
     "demo": "Identify and drive a simulated wire, and write a report.",
@@ -59,11 +60,14 @@ def command_line(command: str) -> typer.Typer:
 
 
 def typed_command(arguments: Sequence[str], environment: Mapping[str, str]) -> str:
-    """Return the first word after `smadrive`, in the command line or in the line that the shell completes."""
+    """Return the first word after `smadrive`, in the command line or in the line that the shell completes.
+
+    A leading `--` is no word: it only says that no option follows.
+    """
     if COMPLETING in environment:
         typed = environment.get("_TYPER_COMPLETE_ARGS") or environment.get("COMP_WORDS", "")
         arguments = typed.split()[1:]
-    return next(iter(arguments), "")
+    return next(iter(arguments[1:] if arguments[:1] == ["--"] else arguments), "")
 
 
 def _print_version(is_given: bool) -> None:
@@ -83,4 +87,10 @@ def _options(
 
 
 def _not_imported() -> None:
-    """Do nothing. Stands for each command that the help lists but this process does not execute."""
+    """Stands for each command that the help lists but this process does not execute. Raise ConfigError.
+
+    A command that did nothing and ended with exit code 0 would say that its work is done.
+    """
+    raise ConfigError(
+        "the command is not the first word", where="command line", cure="write smadrive COMMAND, then its options"
+    )
