@@ -85,10 +85,9 @@ def _print_end(error: BaseException, *ending: str) -> None:
     """
     outcome = shutdown_of(error)
     confirmed = (str(outcome),) if outcome is not None and outcome.confirmed and _is_printed(outcome, error) else ()
-    if sys.stderr is not None:
-        with suppress(OSError, ValueError):
-            lines = (*ending, *getattr(error, "__notes__", ()), *confirmed)
-            print(*(f"smadrive: {line}" for line in lines), sep="\n", file=sys.stderr)
+    with suppress(OSError, ValueError):
+        lines = (*ending, *getattr(error, "__notes__", ()), *confirmed)
+        print(*(f"smadrive: {line}" for line in lines), sep="\n", file=sys.stderr)
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:

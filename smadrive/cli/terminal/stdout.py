@@ -88,17 +88,29 @@ class _Stderr(io.FileIO):
 def open_stdout() -> None:
     """Replace Python's standard output and standard error by streams that handle failed writes (see this module).
 
-    If standard output is closed, the null device replaces it, so that no other file gets its descriptor.
+    If one of the three standard streams is closed, the null device replaces it. Otherwise a port could get its
+    descriptor, and a message could go to the device.
     """
     codecs.register_error(_SUBSTITUTING, _substitute)
-    if isinstance(sys.stderr, io.TextIOWrapper):
-        sys.stderr = _text(_Stderr(sys.stderr.fileno(), "w", closefd=False), sys.stderr.encoding)
+    if sys.stdin is None:
+        sys.stdin = io.TextIOWrapper(io.BufferedReader(io.FileIO(_null_device())), "utf-8")
     if sys.stdout is None:
-        raw = _Stdout(os.open(os.devnull, os.O_WRONLY), "w")
+        raw = _Stdout(_null_device(), "w")
         raw.has_failed = True
         sys.stdout = _text(raw, "utf-8")
     else:
         sys.stdout = _text(_Stdout(sys.stdout.fileno(), "w", closefd=False), sys.stdout.encoding)
+    if sys.stderr is None:
+        sys.stderr = _text(_Stderr(_null_device(), "w"), "utf-8")
+    elif isinstance(sys.stderr, io.TextIOWrapper):
+        sys.stderr = _text(_Stderr(sys.stderr.fileno(), "w", closefd=False), sys.stderr.encoding)
+
+
+def _null_device() -> int:
+    """Open the null device, also for child processes such as the guardian, and return its descriptor."""
+    descriptor = os.open(os.devnull, os.O_RDWR)
+    os.set_inheritable(descriptor, True)
+    return descriptor
 
 
 def _text(raw: io.FileIO, encoding: str) -> io.TextIOWrapper:
@@ -114,7 +126,7 @@ def is_unread() -> bool:
 def use_stderr_if_stdout_fails() -> None:
     """From now on, if a write to standard output fails, write this text and all later ones to standard error."""
     raw = _raw_stdout()
-    if raw is not None and sys.stderr is not None:
+    if raw is not None:
         raw.spare = sys.stderr.fileno()
 
 

@@ -11,6 +11,7 @@ import programs
 import pytest
 from marks import exhaustive
 
+from smadrive.errors import DataError
 from smadrive.runs.log.reader import read_log
 
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -100,6 +101,33 @@ def test_command_works_without_a_standard_output(tmp_path, command):
     done = subprocess.run(script, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
     assert done.returncode == 0
     assert json.loads(done.stderr)["safe"] if command == "off" else not done.stderr
+
+
+OPENED = """
+import os, sys
+from smadrive.cli.terminal.stdout import open_stdout
+open_stdout()
+print("closed streams are no error", file=sys.stderr)
+nulls = [number for number in range(3) if os.fstat(number).st_rdev == os.stat(os.devnull).st_rdev]
+print(*nulls, all(map(os.get_inheritable, range(3))), os.open(os.devnull, os.O_RDONLY) > 2)
+"""
+
+
+@pytest.mark.parametrize(("closed", "nulls"), [("<&-", "0"), ("2>&-", "2"), ("<&- 2>&-", "0 2")])
+def test_no_port_gets_the_descriptor_of_a_closed_stream(closed, nulls):
+    """The children, such as the guardian, inherit the null device."""
+    script = ["sh", "-c", f'"$0" -c "$1" {closed}', sys.executable, OPENED]
+    done = subprocess.run(script, stdout=subprocess.PIPE, stdin=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, f"{nulls} True True\n")
+
+
+def test_calibration_without_a_standard_input_is_not_confirmed(tmp_path):
+    (tmp_path / "rig.toml").write_text((CONFIGS / "rigs" / "in-process.toml").read_text())
+    script = ["sh", "-c", '"$0" -m smadrive calibrate rig.toml temperature --point 25 <&-', sys.executable]
+    done = subprocess.run(script, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == DataError.exit_code
+    assert "stdin: the point was not confirmed" in done.stderr
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("opened", [unread_pipe, full_disk])
