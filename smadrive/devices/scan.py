@@ -25,7 +25,7 @@ from smadrive.devices.state.lock import Role, lock_line
 from smadrive.errors import DeadlineError, DeviceError, ProtocolError, TransportError
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.requests import Request
-from smadrive.modbus.transports.connect import open_transport, port_of
+from smadrive.modbus.transports.connect import line_settings, open_transport, port_of
 from smadrive.modbus.transports.transport import SerialSettings, Transport
 
 SILENT = 3
@@ -59,8 +59,8 @@ def scan(
     """Yield the devices that answer at `url`. `ask(line, unit_id)` is called before a unit is asked.
 
     The text `line` names the serial settings, such as `9600 8N1`; it is empty if the scan does not set them. A serial
-    URL without a baud rate is tried with the settings of all profiles. BusyError when another smadrive process uses the
-    port.
+    URL without a baud rate is tried with the settings of all profiles, where options of the URL replace theirs.
+    BusyError when another smadrive process uses the port.
     """
     with lock_line(port_of(url), Role.DRIVER) if url.startswith("serial:") else nullcontext():
         yield from _scan(url, unit_ids, profiles, ask)
@@ -74,11 +74,12 @@ def _scan(
     others = [profile for profile in profiles if not profile.has_registers]
     for line in _lines(url, profiles):
         with open_transport(url, line) as transport:
-            if not (found or url.startswith("tcp:")) and (proved := tuple(_proved(transport, others, line))):
+            others_here = [one for one in others if line is None or _uses(one, url, line)]
+            if not (found or url.startswith("tcp:")) and (proved := tuple(_proved(transport, others_here))):
                 yield FoundDevice(None, line, proved, ())
                 return
             client = ModbusClient(transport)
-            in_order = sorted(units, key=lambda one: one.serial_settings() != line)
+            in_order = sorted(units, key=lambda one: not _uses(one, url, line))
             missing = [unit_id for unit_id in unit_ids if unit_id not in found]
             for unit_id in _present(client, missing, in_order, partial(ask, _text(line))):
                 ask(_text(line), unit_id)
@@ -111,9 +112,14 @@ def _identity_request(profile: Profile) -> Request:
 
 
 def _lines(url: str, profiles: Iterable[Profile]) -> list[SerialSettings | None]:
+    """Return the different settings with which the port is opened for the profiles, the highest baud rate first.
+
+    None stands for the settings of a URL with a baud rate, and of a port on a network.
+    """
     if not url.startswith("serial:") or "baudrate=" in url:
         return [None]
-    settings = {line for profile in profiles if (line := profile.serial_settings()) is not None}
+    defaults = filter(None, (profile.serial_settings() for profile in profiles))
+    settings = {line for one in defaults if (line := line_settings(url, one)) is not None}
     return [*sorted(settings, key=lambda line: (-line.baudrate, line.parity, line.stopbits))]
 
 
@@ -121,13 +127,18 @@ def _text(line: SerialSettings | None) -> str:
     return "" if line is None else str(line)
 
 
-def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSettings | None) -> Iterator[str]:
-    """Yield the ids of those `profiles` (without Modbus) whose device answers at the serial settings `line`."""
+def _uses(profile: Profile, url: str, line: SerialSettings | None) -> bool:
+    """Return True if the port is opened with the settings `line` for this profile."""
+    own = profile.serial_settings()
+    return line == (own if own is None or line is None else line_settings(url, own))
+
+
+def _proved(transport: Transport, profiles: Iterable[Profile]) -> Iterator[str]:
+    """Yield the ids of those `profiles` (without Modbus) whose device answers."""
     for profile in profiles:
-        if line in (None, profile.serial_settings()):
-            with suppress(TransportError, ProtocolError, DeviceError):
-                TCLabBoard(profile, transport).check_identity()
-                yield profile.profile.id
+        with suppress(TransportError, ProtocolError, DeviceError):
+            TCLabBoard(profile, transport).check_identity()
+            yield profile.profile.id
 
 
 def _identified(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from urllib.parse import parse_qsl, urlencode
 
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.scan import scan
 from smadrive.files.shipped import configs_dir
+from smadrive.modbus.transports.transport import SerialSettings
 
 
 @dataclass(frozen=True)
@@ -53,10 +55,13 @@ def discover(port: str, unit_ids: Sequence[int], ask: Callable[[str, int], None]
     profiles = [load_profile(file) for file in sorted((configs_dir() / "devices").glob("*.toml"))]
     devices = []
     for found in scan(port, unit_ids, profiles, ask):
-        line, url = "", port
-        if (settings := found.line) is not None:
-            line = str(settings)
-            options = f"baudrate={settings.baudrate}&parity={settings.parity}&stopbits={settings.stopbits}"
-            url = f"{port}{'&' if '?' in port else '?'}{options}"
+        line, url = ("", port) if found.line is None else (str(found.line), _url_with(port, found.line))
         devices.append(DiscoveredDevice(found.unit_id, line, url, found.proved, found.possible))
     return devices
+
+
+def _url_with(url: str, settings: SerialSettings) -> str:
+    """Return the URL of a serial port with these line settings in place of its own. Its other options stay."""
+    port, _, query = url.partition("?")
+    options = dict(parse_qsl(query)) | {name: str(value) for name, value in asdict(settings).items()}
+    return f"{port}?{urlencode(options)}"

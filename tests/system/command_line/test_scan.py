@@ -58,6 +58,13 @@ def test_scan_prints_the_entry_of_a_rig_file():
     assert f'url = "{url}?baudrate=115200&parity=N&stopbits=1"' in printed
 
 
+def test_scan_prints_the_settings_with_which_the_device_answered():
+    with served("sma-reference") as url:
+        printed = scan(f"{url}?parity=E&latency_ms=100", "--units", "1").stdout
+    assert "115200 8E1" in printed
+    assert f'url = "{url}?parity=E&latency_ms=100&baudrate=115200&stopbits=1"' in printed
+
+
 def test_no_device_and_invalid_unit_ids_are_errors():
     with served("sma-reference") as url:
         nobody = scan(f"{url}?baudrate=9600", "--units", "7-8")
