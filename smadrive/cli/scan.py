@@ -9,7 +9,7 @@ import typer
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.errors import ConfigError, DeviceError
 from smadrive.files.number_text import parse_whole
-from smadrive.rig.ports.discovery import DiscoveredDevice, discover
+from smadrive.rig.ports.discovery import DiscoveredDevice, discover, rig_entries
 
 Port = Annotated[str, typer.Argument(help="/dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port", metavar="PORT")]
 Units = Annotated[str, typer.Option(help="Unit ids to ask, as in 1-10 or 1,3,7.", metavar="IDS")]
@@ -28,9 +28,8 @@ def main(port: Port, units: Units = "1-10", as_json: AsJson = False) -> None:
             cure="check that the devices are powered, wired A to A and B to B, and set to Modbus; try other --units",
         )
     output.table(HEADER, [_row(device) for device in devices])
-    for device in devices:
-        if device.rig_entry:
-            output.say(device.rig_entry)
+    for entry in rig_entries(devices):
+        output.say(entry)
     output.result({"port": port, "devices": [_result(device) for device in devices]})
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -30,14 +31,23 @@ class DiscoveredDevice:
     proved: tuple[str, ...]
     possible: tuple[str, ...]
 
-    @property
-    def rig_entry(self) -> str:
-        """The entry of the device in a rig file. It is empty for a device without a proved profile."""
-        if not self.proved:
-            return ""
-        name = self.proved[0]
-        entry = f'[[devices]]\nname = "{name}"\nprofile = "{name}"\nurl = "{self.url}"'
-        return entry if self.unit_id is None else f"{entry}\nunit_id = {self.unit_id}\n"
+
+def rig_entries(devices: Sequence[DiscoveredDevice]) -> list[str]:
+    """Return the entries of the devices in a rig file, without the devices that prove no profile.
+
+    A device is named after its profile. If several devices have the same profile, their unit ids follow, because each
+    device of a rig needs a name of its own.
+    """
+    proved = [device for device in devices if device.proved]
+    counts = Counter(device.proved[0] for device in proved)
+    return [_rig_entry(device, is_alone=counts[device.proved[0]] == 1) for device in proved]
+
+
+def _rig_entry(device: DiscoveredDevice, *, is_alone: bool) -> str:
+    profile = device.proved[0]
+    name = profile if is_alone else f"{profile}-{device.unit_id}"
+    entry = f'[[devices]]\nname = "{name}"\nprofile = "{profile}"\nurl = "{device.url}"'
+    return entry if device.unit_id is None else f"{entry}\nunit_id = {device.unit_id}\n"
 
 
 def port_url(port: str) -> str:
