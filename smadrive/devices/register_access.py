@@ -71,7 +71,7 @@ class RegisterAccess:
         return words_of_register(spans, [self.span_words(span, proved=proved) for span in spans], name)
 
     def encode(self, name: str, value: float, rounding: Rounding = round) -> RegisterWrite:
-        """Read the registers on which `name` depends, and return the write of `value` to `name`.
+        """Read the registers on which `name` depends with `proved=True`, and return the write of `value` to `name`.
 
         `rounding` makes the raw number whole. ConfigError if `value` cannot be written.
         """
@@ -80,7 +80,7 @@ class RegisterAccess:
             raise ConfigError("cannot be written", where=f"register '{name}' of '{self._id}'", value="access 'r'")
         context = ALONE
         if register.depends_on:
-            context = context_of(register, self.read(register.depends_on))
+            context = context_of(register, self.read(register.depends_on, proved=True))
         if context.problem is not None:
             raise ConfigError("cannot be written now", where=f"register '{name}'", value=context.problem)
         return RegisterWrite(name, register, context, register.codec.encode(value, name, context, rounding))

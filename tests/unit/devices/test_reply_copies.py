@@ -12,6 +12,7 @@ from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.in_process import InProcessTransport
 
 ZERO_WORD, ONE_BIT = bytes.fromhex("03 02 0000"), bytes.fromhex("02 01 01")
+CELSIUS = bytes(2)
 LATE_S = 0.0001
 
 
@@ -28,6 +29,17 @@ class CopyingLine:
         return replies if copy is None else [(replies[0][0] - LATE_S, copy), *replies]
 
 
+def simulated(profile):
+    """Return a device of this profile, and the line between driver and device."""
+    profile = load_profile(profile)
+    device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1, profile=profile)
+    clock = VirtualClock()
+    clock.follow(device.bench.advance_to)
+    line = CopyingLine(device.line)
+    transport = InProcessTransport(line, clock, profile.serial_settings().baudrate)
+    return Device(profile, ModbusClient(transport)), line
+
+
 @pytest.mark.parametrize(
     ("profile", "before", "copy", "expected"),
     [
@@ -37,15 +49,19 @@ class CopyingLine:
     ids=["nonvolatile register", "register that write_order demands"],
 )
 def test_write_is_not_omitted_because_of_a_late_copy(profile, before, copy, expected):
-    profile = load_profile(profile)
-    simulated = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1, profile=profile)
-    clock = VirtualClock()
-    clock.follow(simulated.bench.advance_to)
-    line = CopyingLine(simulated.line)
-    device = Device(profile, ModbusClient(InProcessTransport(line, clock, profile.serial_settings().baudrate)))
+    device, line = simulated(profile)
     for name, value in before.items():
         device.write(name, value)
-    line.copy = rtu.seal(profile.unit_id, copy)
+    line.copy = rtu.seal(device.profile.unit_id, copy)
     device.write(next(iter(expected)), 0.0)
     readings = device.read(tuple(expected), proved=True)
     assert {name: reading.value for name, reading in readings.items()} == expected
+
+
+def test_setpoint_has_the_scale_of_the_device_and_not_of_a_late_copy():
+    device, line = simulated("autonics-tk")
+    device.check_identity()
+    scale = device.read(("decimal_point",), proved=True)["decimal_point"].raw
+    line.copy = rtu.seal(device.profile.unit_id, bytes.fromhex("04 04") + bytes((0, scale + 1)) + CELSIUS)
+    device.write("sv", 10.0)
+    assert device.read(("sv",), proved=True)["sv"].value == 10.0
