@@ -72,6 +72,7 @@ class GuardianClient:
             COMMAND,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL if sys.stderr is None else None,  # otherwise its port gets this descriptor
             bufsize=0,
             start_new_session=True,  # Ctrl-C must end the driver only
             pass_fds=[lock.descriptor for lock in self._locks],
