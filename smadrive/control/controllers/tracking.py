@@ -98,7 +98,7 @@ class TrackingController:
         self._feedforward = DisplacementFeedforward(inverse, wire)
         self._preview = ReversalPreview(wire, period_s) if inverse.hysteretic else None
         self._feedback = TrackingFeedback(wire, settings)
-        self._trim = DisplacementTrim(settings.closed_loop_s, stroke_mm)
+        self._trim = DisplacementTrim(settings.closed_loop_s, stroke_mm, hysteretic=inverse.hysteretic)
         self._state: TrackingState | None = None
 
     @property

@@ -14,8 +14,10 @@ against the hysteresis, and must not grow where it has no effect. It stays const
     while a limit holds the power back
     while the wire cannot get nearer to the setpoint, as at an end of its travel
 
-If the wire is ahead of a setpoint that stands still, the trim lets it cross the loop once, after some seconds. It is at
-most `MOST` of the stroke. A reversal sets it to zero, because the errors of the two branches are independent.
+If the wire is ahead of a setpoint that stands still, the trim lets it cross the loop once, after some seconds. With the
+hysteresis inverse it is at most `MOST` of the stroke: a larger error is no error of a model. A static map has no
+hysteresis, so its error can be as large as the loop is wide, and the trim as large as the stroke. A reversal sets the
+trim to zero, because the errors of the two branches are independent.
 """
 
 from __future__ import annotations
@@ -28,14 +30,18 @@ FOLLOWS_C = 0.3
 
 
 MOST = 0.03
-"""Largest trim, as a share of the stroke."""
+"""Largest trim with the hysteresis inverse, as a share of the stroke."""
 
 
 class DisplacementTrim:
-    """The integral term of the displacement error: a trim in mm, which is added to the displacement setpoint."""
+    """The integral term of the displacement error: a trim in mm, which is added to the displacement setpoint.
 
-    def __init__(self, closed_loop_s: float, stroke_mm: float) -> None:
-        self._integral_s, self._most_mm = SLOWER * closed_loop_s, MOST * stroke_mm
+    `hysteretic` says if the inverse knows the hysteresis of the wire.
+    """
+
+    def __init__(self, closed_loop_s: float, stroke_mm: float, *, hysteretic: bool) -> None:
+        self._integral_s = SLOWER * closed_loop_s
+        self._most_mm = MOST * stroke_mm if hysteretic else stroke_mm
 
     def update(self, trim_mm: float, error_mm: float, error_c: float, dt_s: float) -> float:
         """Return the new trim, mm, `dt_s` seconds after the trim was `trim_mm`.

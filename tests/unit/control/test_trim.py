@@ -8,17 +8,18 @@ from smadrive.control.controllers.trim import FOLLOWS_C, MOST, SLOWER, Displacem
 def test_lasting_error_is_corrected_within_the_integral_time():
     trim_mm = 0.0
     for _ in range(20):
-        trim_mm = DisplacementTrim(0.25, 12.0).update(trim_mm, 0.1, 0.0, SLOWER * 0.25 / 20)
+        trim_mm = DisplacementTrim(0.25, 12.0, hysteretic=True).update(trim_mm, 0.1, 0.0, SLOWER * 0.25 / 20)
     assert trim_mm == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("error_c", [FOLLOWS_C + 0.01, -10.0, float("inf")])
 def test_trim_is_constant_while_the_wire_crosses_the_hysteresis(error_c):
-    assert DisplacementTrim(0.25, 12.0).update(0.02, 0.5, error_c, 0.05) == 0.02
+    assert DisplacementTrim(0.25, 12.0, hysteretic=True).update(0.02, 0.5, error_c, 0.05) == 0.02
 
 
-def test_trim_is_limited():
+@pytest.mark.parametrize(("hysteretic", "most_mm"), [(True, MOST * 12.0), (False, 12.0)])
+def test_trim_is_limited(hysteretic, most_mm):
     trim_mm = 0.0
     for _ in range(1000):
-        trim_mm = DisplacementTrim(0.25, 12.0).update(trim_mm, -0.5, 0.0, 0.05)
-    assert trim_mm == -MOST * 12.0
+        trim_mm = DisplacementTrim(0.25, 12.0, hysteretic=hysteretic).update(trim_mm, -0.5, 0.0, 0.05)
+    assert trim_mm == -most_mm
