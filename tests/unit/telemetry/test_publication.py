@@ -153,11 +153,10 @@ def test_overwritten_samples_are_counted(tmp_path):
         published.begin().tick(CAPACITY + 100)
         with broker, Subscriber(broker) as subscriber:
             wait_for(lambda: published.publication.counts.waiting == 0)
-            received = numbers(subscriber)
+            wait_for(lambda: numbers(subscriber)[-1:] == [CAPACITY + 99])  # the broker may still send the last ones
             counts = published.publication.counts
     assert counts.dropped == 101
     assert counts.samples == CAPACITY - 1
-    assert received[-1] == CAPACITY + 99
 
 
 @pytest.mark.parametrize("is_permitted", [True, False])
