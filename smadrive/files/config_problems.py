@@ -14,8 +14,8 @@ from smadrive.files.spelling import suggestion, suggestion_or_list
 MOST_DESCRIBED = 6
 """The largest number of different problems that a line describes."""
 
-_UNKNOWN, _MISSING = "extra_forbidden", "missing"
-"""pydantic's names of these two types of problems."""
+_UNKNOWN, _MISSING, _SHORT = "extra_forbidden", "missing", "too_short"
+"""pydantic's names of these types of problems."""
 
 _ENTRY = re.compile(r"\]\] \d+$")
 
@@ -46,7 +46,7 @@ def config_problems(problems: list[dict[str, Any]], kind: type[BaseModel]) -> st
     """
     unknown = [problem for problem in problems if problem["type"] == _UNKNOWN]
     missing = [problem for problem in problems if problem["type"] == _MISSING and not _is_misspelled(problem, unknown)]
-    others = [problem for problem in problems if problem["type"] not in {_UNKNOWN, _MISSING}]
+    others = [one for one in problems if one["type"] not in {_UNKNOWN, _MISSING} and not _is_consequence(one, problems)]
     keys: dict[str, list[str]] = {}
     for problem in (*unknown, *missing, *others):
         keys.setdefault(_message(problem, kind), []).append(_key(problem))
@@ -60,6 +60,13 @@ def _is_misspelled(missing: dict[str, Any], unknown: Iterable[dict[str, Any]]) -
     *place, key = missing["loc"]
     typed = (problem["loc"] for problem in unknown)
     return any([*table] == place and suggestion(str(name), [str(key)]) for *table, name in typed)
+
+
+def _is_consequence(problem: dict[str, Any], problems: Iterable[dict[str, Any]]) -> bool:
+    """Return True for a list that is too short only because pydantic does not count its wrong entries."""
+    place = problem["loc"]
+    inner = (one["loc"] for one in problems if len(one["loc"]) > len(place))
+    return problem["type"] == _SHORT and any(loc[: len(place)] == place for loc in inner)
 
 
 def _key(problem: dict[str, Any]) -> str:

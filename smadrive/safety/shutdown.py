@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from smadrive.errors import StoppedError
+from smadrive.errors import ConfigError, StoppedError
 from smadrive.interrupts import ABORTS_AT, HeldSignals
 
 CONFIRMED = "the heater is off, confirmed by read-back"
@@ -23,9 +23,11 @@ UNCONFIRMED = "the heater could NOT be confirmed off"
 
 _CUT = "cut its supply"
 _CURE = (
-    f"{_CUT} by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
-    "confirm with `smadrive off RIG` that the heater is off"
+    f"{_CUT} by hand. Is the device, or its simulator, stopped or slow? When it answers again, confirm with "
+    "`smadrive off RIG` that the heater is off"
 )
+_CURE_FOR_CONFIG = f"correct the command or the file and run `smadrive off RIG`, or {_CUT} by hand"
+"""The cure when no device was asked."""
 
 _CARRIED_AS = "shutdown"
 """The name of the attribute of an error that holds its ShutdownOutcome."""
@@ -148,4 +150,6 @@ def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -
 
 def _note(error: BaseException, outcome: ShutdownOutcome) -> str:
     """Return the note for an unconfirmed outcome. If `error` is the failure itself, the note omits its message."""
-    return f"{UNCONFIRMED}: {_CURE}" if outcome.failure is error and not outcome.aborted else str(outcome)
+    if outcome.failure is not error or outcome.aborted:
+        return str(outcome)
+    return f"{UNCONFIRMED}: {_CURE_FOR_CONFIG if isinstance(error, ConfigError) else _CURE}"

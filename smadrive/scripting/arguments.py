@@ -113,7 +113,8 @@ def positive_number(value: object, name: str, *, may_be_zero: bool) -> float:
     """Return `value` as a float. ConfigError unless it is finite and above 0, or 0 if `may_be_zero`."""
     number = real_number(value, name)
     if not (number > 0.0 or (may_be_zero and number == 0.0)) or not isfinite(number):
-        raise ConfigError("not possible", where=name, value=number, cure="give a positive number")
+        limit = "at least 0" if may_be_zero else "above 0"
+        raise ConfigError("not possible", where=name, value=number, limit=limit, cure="give a number within the limit")
     return number
 
 

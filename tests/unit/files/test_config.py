@@ -56,6 +56,18 @@ def test_one_table_in_place_of_a_list_of_tables_is_named_with_its_cure(tmp_path)
     assert "tuple" not in error.value.what
 
 
+class Pair(Section):
+    parts: tuple[Inner, ...] = Field(min_length=2)
+
+
+@pytest.mark.parametrize(("entries", "count"), [([{"current_max_a": 1.0}], 1), ([{"current_max_a": 1.0}, {}], 0)])
+def test_list_with_a_wrong_entry_is_not_called_too_short(entries, count):
+    """pydantic counts the valid entries alone."""
+    with pytest.raises(ConfigError) as error:
+        validate({"parts": entries}, Pair, where="rig.toml")
+    assert error.value.what.count("at least 2 items") == count
+
+
 def test_table_that_a_command_writes_names_the_command(tmp_path):
     with pytest.raises(ConfigError, match="smadrive calibrate"):
         validate({"displacement": {"on": "2026-11-25", "offset_mm": 0.1}}, CalibrationConfig, "rig.toml")

@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from smadrive.errors import DeadlineError, TripError
+from smadrive.errors import ConfigError, DeadlineError, TripError
 from smadrive.interrupts import ABORTS_AT, SIGNALS, AbortedError, HeldSignals
 from smadrive.safety.shutdown import UNCONFIRMED, ends_safe, shut_down, shutdown_of
 
@@ -83,6 +83,16 @@ def test_failure_without_another_error_is_raised_with_the_outcome():
     with pytest.raises(DeadlineError) as caught, ends_safe(Device(99, DeadlineError("no reply")).enter_safe_state):
         pass
     assert not shutdown_of(caught.value).confirmed
+
+
+@pytest.mark.parametrize(("failure", "asks"), [(DeadlineError("no reply"), True), (ConfigError("no such file"), False)])
+def test_note_asks_for_the_device_only_if_it_was_asked(failure, asks):
+    device = Device(99, failure)
+    with pytest.raises(type(failure)), ends_safe(device.enter_safe_state):
+        pass
+    (note,) = notes(failure)
+    assert note.startswith(UNCONFIRMED)
+    assert ("the device" in note) == asks
 
 
 @pytest.mark.parametrize("number", SIGNALS)
