@@ -18,7 +18,7 @@ from smadrive.runs.figures.health_plot import health_plot
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.figures.session_plots import change_table
 from smadrive.runs.health.assessment import HEADER, assessment_of, health_lines, health_rows
-from smadrive.runs.log.reader import Log
+from smadrive.runs.log.reader import STOP, Log
 from smadrive.runs.metrics.caveats import run_caveats
 from smadrive.runs.metrics.run import RunMetrics, is_virtual, run_metrics
 from smadrive.runs.report import Banner, Grid, Listing, Notes, PagePart, Tiles, write_report
@@ -78,7 +78,8 @@ def state_of(log: Log, summary: RunMetrics) -> Banner:
         last, count = trips[-1], f", the last of {len(trips)} trips" if len(trips) > 1 else ""
         end = f"The session ended after {summary.duration_s:.1f} s with the heater off, confirmed"
         return Banner("bad", f"Tripped at {last.time_s:.1f} s{count}: {last.message} — {end}.")
-    if not log.ended_by or (log.kind is RunKind.SESSION and _is_ended_safely(log)):
+    is_stopped = log.ended_by.startswith(STOP)
+    if not log.ended_by or (log.kind is RunKind.SESSION and _is_ended_safely(log) and not is_stopped):
         return Banner("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
     unconfirmed = [event.message for event in log.events if event.message.startswith(UNCONFIRMED)]
     return Banner(
@@ -88,7 +89,7 @@ def state_of(log: Log, summary: RunMetrics) -> Banner:
 
 
 def _is_ended_safely(log: Log) -> bool:
-    """Return True if the user ended the tuning session and the heater is confirmed off. This is its normal end."""
+    """Return True if the user ended the tuning session and the heater is confirmed off."""
     messages = [event.message for event in log.events]
     return log.is_ended_by_user and session_ended_event(confirmed=True) in messages
 

@@ -11,7 +11,7 @@ import pytest
 from smadrive.cli.views.reports.log_report import state_of, write_log_report
 from smadrive.errors import DataError
 from smadrive.hysteresis.model_file import parse_model
-from smadrive.runs.log.reader import ENDED_BY, STOP, RunEvent, read_log
+from smadrive.runs.log.reader import ENDED_BY, INTERRUPTION, STOP, RunEvent, read_log
 from smadrive.runs.metrics.run import run_metrics
 from smadrive.runs.replay import replay
 from smadrive.runs.run_log import record_session
@@ -119,7 +119,9 @@ def test_trip_is_logged_with_its_remedy_and_the_session_goes_on(logged):
     banner = state_of(replace(log, events=(trip, *ended)), run_metrics(log))
     assert banner.level == "bad"
     assert trip.message in banner.text
-    assert state_of(replace(log, events=ended), run_metrics(log)).level == "good"
+    for cause, level in ((INTERRUPTION, "good"), (STOP, "warning")):
+        ended = (RunEvent(13.9, f"{ENDED_BY}{cause}"), RunEvent(13.9, session_ended_event(confirmed=True)))
+        assert state_of(replace(log, events=ended), run_metrics(log)).level == level
 
 
 @pytest.mark.exhaustive
