@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import secrets
-import webbrowser
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from datetime import UTC, datetime
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from smadrive.cli.live.page import check_real_time
+from smadrive.cli.live.page import check_real_time, opened
 from smadrive.cli.live.publishing import OFF_BY_MQTT, Publish, open_publication
 from smadrive.cli.parsing.options import PAGE_PORT, RigFile, model_file
 from smadrive.cli.terminal.output import AsJson, Output, make_folder
@@ -104,11 +103,8 @@ def main(
             )
             if found.health is not None:
                 session.note_health(found.health)
-            with page:
-                output.say(f"{config.name}: {page.url}")
+            with opened(page, open_rig, output, browser=browser and not as_json):
                 output.result({"url": page.url, "pid": page.server.pid, "log_file": str(log_file)})
-                if browser and not as_json:
-                    webbrowser.open(page.url)
                 use_real_time_scheduling()
                 with watched(view, output), rig_use:  # frees the ports first: `smadrive off` waits for them
                     session.run()

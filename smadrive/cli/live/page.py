@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import webbrowser
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 from smadrive.cli.terminal.output import Output
 from smadrive.clock import VirtualClock
@@ -27,6 +27,21 @@ def check_real_time(rig: Rig) -> None:
 
 
 @contextmanager
+def opened(page: LivePage, rig: Rig, output: Output, *, browser: bool) -> Iterator[None]:
+    """Start the processes of the page, print its address and, with `browser`, open it in the browser.
+
+    The start takes a second, or a minute if other programs keep every core busy. A terminal shows that it goes on.
+    """
+    with ExitStack() as stack:
+        with output.progress("starting the page"):
+            stack.enter_context(page)
+        output.say(f"{rig.config.name}: {page.url}")
+        if browser:
+            webbrowser.open(page.url)
+        yield
+
+
+@contextmanager
 def watched_on_page(rig: Rig, port: int, output: Output, *, browser: bool) -> Iterator[WatchFeed]:
     """Open the page of `watch`, and yield the feed that sends each measurement to it.
 
@@ -35,10 +50,7 @@ def watched_on_page(rig: Rig, port: int, output: Output, *, browser: bool) -> It
     check_real_time(rig)
     with DriverEnd() as channel:
         feed = WatchFeed(rig, channel)
-        with LivePage(channel, port=port, document={}) as page:
-            output.say(f"{rig.config.name}: {page.url}")
-            if browser:
-                webbrowser.open(page.url)
+        with opened(LivePage(channel, port=port, document={}), rig, output, browser=browser):
             try:
                 yield feed
             finally:
