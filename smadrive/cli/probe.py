@@ -44,7 +44,7 @@ def main(
     waiting = waiting_guardians()
     caveats = (*open_rig.caveats, *cold_wire_caveats(measurement.temperature_c, open_rig.data_sheet.ambient_c))
     for name, identity in identities.items():
-        output.say(f"{config.name}: {name} is a {identity}")
+        output.say(f"{config.name}: {name} is of type {identity}")
     output.table(("quantity", "value"), _rows(measurement))
     for description in descriptions(config.calibration, today()).values():
         output.say(f"{config.name}: {description}")
