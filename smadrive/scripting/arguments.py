@@ -119,7 +119,7 @@ def positive_number(value: object, name: str, *, may_be_zero: bool) -> float:
 
 
 def cooling_time_s(duration_s: float) -> float:
-    """Return the time in s. ConfigError unless it is a number from 0 to `LONGEST_S`."""
+    """Return `duration_s` as a float. ConfigError unless it is a number from 0 to `LONGEST_S`."""
     time_s = positive_number(duration_s, "duration_s", may_be_zero=True)
     if time_s > LONGEST_S:
         cure = "choose a shorter time"

@@ -26,7 +26,7 @@ COLUMNS = (
 )
 """The columns of a row: measured, estimated and commanded values. `time_s` is the time since the loop began.
 
-The displacement is NaN while the displacement sensor is replaced, because its readings are wrong then.
+`displacement_mm` is NaN while the displacement sensor is replaced, because its readings are wrong then.
 """
 
 Rows = NDArray[np.float64]

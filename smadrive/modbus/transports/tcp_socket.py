@@ -80,7 +80,10 @@ class SocketTransport(DescriptorTransport):
         return self._connection.fileno()
 
     def _connect(self, timeout_s: float) -> None:
-        """Connect to the first address of the host that accepts; OSError of the last address if none accepts."""
+        """Connect to the first address of the host that accepts; OSError of the last address if none accepts.
+
+        A signal within `socket.create_connection` would leave an open socket that `disconnect` does not know.
+        """
         failure = OSError("the host has no address")
         for family, kind, protocol, _, address in socket.getaddrinfo(*self._address, type=socket.SOCK_STREAM):
             self._port = self._connection = socket.socket(family, kind, protocol)

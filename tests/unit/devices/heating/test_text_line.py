@@ -119,6 +119,13 @@ def test_another_board_is_refused():
     assert board.heard[-1] == "VER"
 
 
+def ask_in_vain(board, line):
+    """Ask the board, which does not answer the greeting any more."""
+    board.says["VER"] = b""
+    with pytest.raises(DeadlineError):
+        line.ask("N 8", NUMBER)
+
+
 def test_unconfirmed_command_needs_a_greeted_board():
     board = Board()
     line, _ = line_to(board)
@@ -127,9 +134,7 @@ def test_unconfirmed_command_needs_a_greeted_board():
     line.ask("N 7", NUMBER)
     line.send_unconfirmed("N 0")
     assert board.heard[-1] == "N 0"
-    board.says["VER"] = b""
-    with pytest.raises(DeadlineError):
-        line.ask("N 8", NUMBER)
+    ask_in_vain(board, line)
     line.send_unconfirmed("N 1")
     assert board.heard[-1] == "N 1"
 
@@ -139,9 +144,7 @@ def test_unconfirmed_command_is_not_sent_to_a_silent_device_on_a_new_connection(
     line, transport = line_to(board)
     line.ask("N 7", NUMBER)
     transport.disconnect()
-    board.says["VER"] = b""
-    with pytest.raises(DeadlineError):
-        line.ask("N 8", NUMBER)
+    ask_in_vain(board, line)
     line.send_unconfirmed("N 0")
     assert board.heard[-1] == "VER"
 
