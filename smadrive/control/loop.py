@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 from typing import NamedTuple, Protocol
 
 from smadrive.clock import Clock
@@ -70,10 +70,14 @@ class Tick(NamedTuple):
     command: Command
 
     @property
+    def measured_mm(self) -> float:
+        """The measured displacement, mm; NaN if none is measured, or if the sensor is replaced."""
+        return nan if self.command.sensor_replaced else self.measurement.displacement_mm
+
+    @property
     def reached_mm(self) -> float:
         """The measured displacement, mm; the estimated one if none is measured, or if the sensor is replaced."""
-        measured_mm, command = self.measurement.displacement_mm, self.command
-        return command.estimated_mm if command.sensor_replaced or not isfinite(measured_mm) else measured_mm
+        return self.measured_mm if isfinite(self.measured_mm) else self.command.estimated_mm
 
 
 TickHandler = Callable[[Tick], None]

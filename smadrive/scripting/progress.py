@@ -29,13 +29,14 @@ DRAWN_EVERY_S = 0.2
 
 
 def progress_text(title: str, progress: RunProgress) -> str:
-    """Return one line: title, time, temperature, displacement, current."""
-    measured, duration_s = progress.tick.measurement, progress.duration_s
-    time_s = min(progress.tick.time_s, duration_s)  # the last tick may come after the end
+    """Return one line: title, time, temperature, displacement, current. An estimated displacement is named so."""
+    tick, measured, duration_s = progress.tick, progress.tick.measurement, progress.duration_s
+    time_s = min(tick.time_s, duration_s)  # the last tick may come after the end
     length = f" of {duration_s:.1f}" if isfinite(duration_s) else ""
+    estimated = "estimated " if isfinite(tick.reached_mm) and not isfinite(tick.measured_mm) else ""
     values = (
         quantity(measured.temperature_c, 1, "°C"),
-        quantity(measured.displacement_mm, 2, "mm"),
+        f"{estimated}{quantity(tick.reached_mm, 2, 'mm')}",
         quantity(measured.current_a, 3, "A"),
     )
     return f"{title}: {time_s:.1f}{length} s · {' · '.join(values)}"

@@ -83,11 +83,13 @@ class RunView:
     def _add_values(self, text: Text, tick: Tick, width: int) -> None:
         measured, command = tick.measurement, tick.command
         limits = ", ".join(measured.limits)
+        is_estimated = isfinite(tick.reached_mm) and not isfinite(tick.measured_mm)
+        displacement = "estimated" if is_estimated else "displacement"
         temperature = measured.temperature_fault or quantity(measured.temperature_c, 1, "°C")
         values = (
             ("setpoint", quantity(command.setpoint_mm, 3, "mm")),
-            ("displacement", quantity(measured.displacement_mm, 3, "mm")),
-            ("error", quantity(command.setpoint_mm - measured.displacement_mm, 3, "mm")),
+            (displacement, quantity(tick.reached_mm, 3, "mm")),
+            ("error", quantity(command.setpoint_mm - tick.reached_mm, 3, "mm")),
             ("wire setpoint", quantity(command.setpoint_c, 1, "°C")),
             ("temperature", temperature),
             ("late", f"{1e3 * tick.late_s:.1f} ms"),

@@ -14,6 +14,8 @@ from smadrive.errors import DataError
 from smadrive.runs.comparison.settings import differing_settings
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.run import RunMetrics, run_metrics
+from smadrive.runs.metrics.series import of_finite
+from smadrive.runs.metrics.tracking_error import measured_mm
 
 MOST_RUNS = 8
 """Largest number of runs in a comparison: plots have this number of colours."""
@@ -53,8 +55,8 @@ QUANTITIES = (
 class ComparedMetrics(RunMetrics):
     """The metrics of a run, and the span of its displacement.
 
-    `span_mm` is the highest minus the lowest displacement of the whole run, including its approach. It is NaN if no
-    displacement was measured.
+    `span_mm` is the highest minus the lowest displacement of the whole run, including its approach. The readings of a
+    sensor that was replaced do not count. It is NaN if no displacement was measured.
     """
 
     span_mm: float = nan
@@ -133,6 +135,4 @@ def _text(value: float, digits: int) -> str:
 
 
 def _span_mm(log: Log) -> float:
-    displacement_mm = log.column_with_gaps("displacement_mm")
-    finite = displacement_mm[np.isfinite(displacement_mm)]
-    return float(np.ptp(finite)) if finite.size else nan
+    return of_finite(np.ptp, measured_mm(log))

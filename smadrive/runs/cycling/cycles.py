@@ -21,7 +21,8 @@ from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.log.reader import Log
-from smadrive.runs.metrics.series import MEASURABLE, energy_j, rms_and_max
+from smadrive.runs.metrics.series import MEASURABLE, energy_j, of_finite, rms_and_max
+from smadrive.runs.metrics.tracking_error import measured_mm
 from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
 from smadrive.wire.wire_model import Travel, travel_mm
 
@@ -32,6 +33,7 @@ LEAST_SAMPLES = 3
 """A resistance at rest is computed from at least this number of samples."""
 
 COLUMNS_OF_A_CYCLE = ("time_s", "setpoint_mm", "displacement_mm", "temperature_c", "current_a", "voltage_v")
+"""The columns that the metrics of a cycle need. The displacement is NaN where the sensor was replaced."""
 
 EVENT = "cycle "
 """The beginning of the event that a run writes after each cycle."""
@@ -103,6 +105,7 @@ def cycles_of(log: Log) -> list[CycleMetrics]:
         return []
     reference, measure = reference_of(log), _measure_of(log)
     rows = np.column_stack([log.column_with_gaps(name) for name in COLUMNS_OF_A_CYCLE])
+    rows[:, COLUMNS_OF_A_CYCLE.index("displacement_mm")] = measured_mm(log)
     numbers = _numbers(reference, rows[:, 0])
     complete = _complete(reference, float(rows[-1, 0]), 1.5 / rig_config_of(log).rate_hz)
     edges = np.searchsorted(numbers, np.arange(complete + 1))
@@ -141,8 +144,8 @@ class CycleEvents:
             self._number = number
         if number >= 0:
             measured = tick.measurement
-            values = measured.displacement_mm, measured.temperature_c, measured.current_a, measured.voltage_v
-            self._values.extend((tick.time_s, tick.command.setpoint_mm, *values))
+            values = measured.temperature_c, measured.current_a, measured.voltage_v
+            self._values.extend((tick.time_s, tick.command.setpoint_mm, tick.measured_mm, *values))
 
     def finish(self) -> None:
         """Write the event of the cycle that has ended."""
@@ -167,11 +170,11 @@ def metrics_of(number: int, rows: FloatArray, travel: Travel, current_max_a: flo
     rest_ohm = rest_ohm[np.isfinite(rest_ohm)]
     return CycleMetrics(
         number,
-        _span(displacement_mm),
+        of_finite(np.ptp, displacement_mm),
         *rms_and_max(error),
         float(np.median(rest_ohm)) if rest_ohm.size >= LEAST_SAMPLES else nan,
         energy_j(time_s, current_a, voltage_v),
-        float(np.nanmax(temperature_c)) if np.isfinite(temperature_c).any() else nan,
+        of_finite(np.max, temperature_c),
     )
 
 
@@ -224,11 +227,6 @@ def _complete(reference: Reference, last_s: float, tolerance_s: float) -> int:
     """
     cycles = (last_s + tolerance_s - reference.scored_from_s) / reference.cycle_s
     return min(max(int(cycles), 0), reference.repeats)
-
-
-def _span(values: FloatArray) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.ptp(finite)) if finite.size else nan
 
 
 def _cycling(values: dict[str, Any]) -> Cycling:
