@@ -14,7 +14,7 @@ from smadrive.display.card import count_text
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.replay import Replay, prediction_percent, replay
-from smadrive.runs.run_metadata import nominal_balance, wire_of
+from smadrive.runs.run_metadata import nominal_balance
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 
 
@@ -35,7 +35,7 @@ def main(
     wire = None if model is None else _wire(model, log)
     with output.progress(f"replaying {log_file.name}"):
         again = replay(log, wire)
-    predictions = _predictions(log, again, wire)
+        predictions = _predictions(log, wire)
     _print_differences(output, again, predictions)
     output.result(
         {
@@ -55,19 +55,15 @@ def _wire(path: Path, log: Log) -> IdentifiedWire:
     return replace(wire, heat_balance=wire.heat_balance or nominal_balance(log))
 
 
-def _predictions(log: Log, again: Replay, wire: IdentifiedWire | None) -> dict[str, float]:
-    """Return the RMS of estimated minus measured displacement, in % of the stroke, as `recorded` and as `replayed`.
+def _predictions(log: Log, wire: IdentifiedWire | None) -> dict[str, float]:
+    """Return the RMS error of the displacement predicted by the `recorded` and by the `replayed` model, in % of stroke.
 
     The result is empty when the run used no model.
     """
     if "wire" not in log.metadata:
         return {}
-    recorded = wire_of(log).model
-    replayed = recorded if wire is None else wire.model
-    return {
-        "recorded": prediction_percent(log, log.column_with_gaps("estimated_mm"), recorded),
-        "replayed": prediction_percent(log, again.columns["estimated_mm"], replayed),
-    }
+    recorded = prediction_percent(log)
+    return {"recorded": recorded, "replayed": recorded if wire is None else prediction_percent(log, wire)}
 
 
 def _print_differences(output: Output, again: Replay, predictions: dict[str, float]) -> None:
@@ -78,7 +74,7 @@ def _print_differences(output: Output, again: Replay, predictions: dict[str, flo
         output.table(("signal", "max difference", "RMS difference", "first at"), _rows(again))
     if all(isfinite(value) for value in predictions.values()) and predictions:
         output.say(
-            "estimated against measured displacement, RMS in % of the stroke: "
+            "displacement predicted without a sensor against the measured one, RMS in % of the stroke: "
             + ", ".join(f"{name} {value:.2f}" for name, value in predictions.items())
         )
 

@@ -7,26 +7,34 @@ how the wire would have reacted to other commands. Use the simulator for that qu
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import inf, nan
+from typing import TypeVar
 
 import numpy as np
 
-from smadrive.control.controllers.interface import Command, Controller
+from smadrive.control.controllers.interface import Controller
+from smadrive.control.controllers.tracking import DISPLACEMENT_NOISE
+from smadrive.control.estimation.observer import WireObserver
+from smadrive.control.estimation.prediction import DisplacementPrediction
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.errors import DataError
-from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.numerics.arrays import FloatArray
-from smadrive.rig.controllers import excitation_controller, step_controller, tracking_controller
+from smadrive.rig.controllers import (
+    excitation_controller,
+    step_controller,
+    tracking_controller,
+    tracking_settings,
+)
 from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.tracking_error import measured_mm
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, step_of, wire_of
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.wire_model import travel_mm
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 COMMAND_FIELDS = fields_of("command")
 """The columns that a controller computes: name of the column to attribute of `Command`."""
@@ -37,6 +45,8 @@ LIMITED = ("limited",)
 """The limits of a recorded sample whose output was held back: a log does not name them."""
 
 RECORD = "record the run again"
+
+Result = TypeVar("Result")
 
 NOT_REPLAYED = {
     RunKind.SESSION: (
@@ -96,32 +106,45 @@ def replay(log: Log, wire: IdentifiedWire | None = None) -> Replay:
     time_s = log.column("time_s")
     if time_s.size == 0:
         raise DataError("no tick was recorded", where=log.path, cure=RECORD)
-    commands = list(_commands(log, _controller(log, wire)))
+    commands = list(_updated(log, _controller(log, wire).update))
     recorded = {name: key for name, key in COMMAND_FIELDS.items() if name in log.columns}
     columns = {name: np.array([getattr(command, key) for command in commands]) for name, key in recorded.items()}
     differences = {name: _difference(log.column_with_gaps(name), values, time_s) for name, values in columns.items()}
     return Replay(time_s, columns, differences)
 
 
-def _commands(log: Log, controller: Controller) -> Iterator[Command]:
-    """Yield the controller's command for each sample. DataError when the controller cannot compute a command."""
+def prediction_percent(log: Log, wire: IdentifiedWire | None = None) -> float:
+    """Return the RMS of predicted minus measured displacement, in % of the stroke of the model.
+
+    The model is that of `wire`, or that in the log if `wire` is None. It predicts from temperature and power alone. The
+    estimate of the run is no prediction: a displacement sensor corrects it.
+
+    The result is NaN when the measurement or the prediction of any sample is missing, or the sensor was replaced.
+    DataError when no displacement can be computed.
+    """
+    found_mm, stepped = measured_mm(log), (wire or wire_of(log)).wire_model()
+    if not np.isfinite(found_mm).all():
+        return nan
+    residual = (_predicted_mm(log, stepped) - found_mm) / travel_mm(stepped.model).stroke_mm
+    return float(100.0 * np.sqrt(np.mean(residual**2)))
+
+
+def _predicted_mm(log: Log, wire: WireModel) -> FloatArray:
+    config = rig_config_of(log)
+    settings, noise_mm = tracking_settings(config), DISPLACEMENT_NOISE * abs(wire.travel_mm)
+    observer = WireObserver(wire, settings.period_s, settings.noise_c, noise_mm)
+    prediction = DisplacementPrediction(wire, observer, settings.current_limit_a)
+    return np.fromiter(_updated(log, prediction.update), np.float64)
+
+
+def _updated(log: Log, update: Callable[[float, Measurement, float], Result]) -> Iterator[Result]:
+    """Yield the result of `update` for each sample. DataError when `update` cannot compute it."""
     for time_s, sample, dt_s in _samples(log):
         try:
-            yield controller.update(time_s, sample, dt_s)
+            yield update(time_s, sample, dt_s)
         except (ArithmeticError, ValueError) as error:
             where = f"{log.path}, sample at {time_s:g} s"
-            raise DataError(
-                "no command can be computed", where=where, value=error, cure="record the run again"
-            ) from None
-
-
-def prediction_percent(log: Log, estimated_mm: FloatArray, model: HysteresisModel) -> float:
-    """Return the RMS of estimated minus measured displacement, in % of the stroke of `model`.
-
-    The result is NaN when the measurement or the estimate of any sample is missing, or the sensor was replaced.
-    """
-    residual = (estimated_mm - measured_mm(log)) / travel_mm(model).stroke_mm
-    return float(100.0 * np.sqrt(np.mean(residual**2)))
+            raise DataError("cannot be computed", where=where, value=error, cure=RECORD) from None
 
 
 def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:

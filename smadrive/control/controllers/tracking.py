@@ -19,6 +19,7 @@ from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.tracking_feedback import TrackingFeedback, TrackingSettings
 from smadrive.control.controllers.trim import DisplacementTrim
 from smadrive.control.estimation.observer import WireObserver
+from smadrive.control.estimation.prediction import heating_w
 from smadrive.control.estimation.resistance_sensor import DisplacementReading, ResistanceSensor
 from smadrive.control.estimation.source_selection import SourceSelection, SourceState
 from smadrive.control.estimation.wire_estimate import WireEstimate
@@ -27,9 +28,6 @@ from smadrive.control.feedforward.reversal_preview import Reversal, ReversalPrev
 from smadrive.control.references.reference import Reference
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.wire.wire_model import WireModel
-
-ABSURD = 2.0
-"""A measured current above this multiple of its limit is wrong; the supervisor trips if it lasts."""
 
 DISPLACEMENT_NOISE = 0.001
 """Assumed standard deviation of the noise of a displacement sensor, in strokes."""
@@ -175,21 +173,15 @@ class TrackingController:
     def _observed(
         self, measurement: Measurement, displacement: DisplacementReading, dt_s: float, *, by_sensor: bool
     ) -> WireEstimate:
-        """Return the estimate at `measurement`.
-
-        It uses the measured power, or the power of the commanded current if the measured power is unknown or absurd.
-        """
+        """Return the estimate at `measurement`."""
         if self._state is None:
             return self._observer.start(measurement.temperature_c, self._sources.start_mm(measurement))
         before = self._state.estimate
-        power_w = measurement.current_a * measurement.voltage_v
-        if not isfinite(power_w) or measurement.current_a > ABSURD * self._limit_a:
-            power_w = measurement.in_force_a**2 * self._wire.resistance_ohm(before.hysteresis, before.temperature_c)
         return self._observer.update(
             before,
             measurement.temperature_c,
             displacement.mm,
-            power_w,
+            heating_w(measurement, self._wire, before, self._limit_a),
             dt_s,
             displacement.noise_mm,
             by_sensor=by_sensor,

@@ -1,10 +1,12 @@
 """A replay is identical to the record; with another model or rig file it shows the differences."""
 
 import json
+import sys
 from dataclasses import replace
-from math import inf, nan
+from math import inf, isnan, nan
 
 import numpy as np
+import programs
 import pytest
 
 from smadrive.control.feedforward.displacement import HysteresisInverse
@@ -18,7 +20,7 @@ from smadrive.runs.log.reader import read_log
 from smadrive.runs.replay import Difference, prediction_percent, replay
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.wire_model import WireModel
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 
 def wire(mu_heating=93.0):
@@ -95,16 +97,32 @@ def test_another_model_differs_in_its_setpoint(tracked):
     assert again.differences["setpoint_c"].rms > 1.0
 
 
-def test_wrong_model_predicts_worse_without_the_displacement(tracked):
-    blind = replace(
-        tracked, columns={**tracked.columns, "displacement_mm": np.full_like(tracked.columns["time_s"], nan)}
-    )
-    balance = Rig(load_rig("in-process")).nominal_balance
-    misses = []
-    for model in (wire(mu_heating=90.0), wire(mu_heating=99.0)):
-        estimated_mm = replay(blind, IdentifiedWire(model, balance)).columns["estimated_mm"]
-        misses.append(prediction_percent(tracked, estimated_mm, model))
-    assert misses[1] > 2.0 * misses[0]
+def test_command_shows_how_much_worse_a_wrong_model_predicts(tracked, tmp_path):
+    """The sensor has corrected the estimates of the run, and corrects those of the replay with the wrong model."""
+    far = IdentifiedWire(wire(mu_heating=99.0), Rig(load_rig("in-process")).nominal_balance)
+    far.save(tmp_path / "far.json")
+    command = [sys.executable, "-m", "smadrive", "replay", tracked.path, "--model", "far.json", "--json"]
+    done = programs.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    predictions = json.loads(done.stdout)["prediction_percent"]
+    assert predictions["replayed"] > predictions["recorded"] + 10.0
+    assert predictions["recorded"] == prediction_percent(tracked)
+    assert predictions["replayed"] == prediction_percent(tracked, far)
+
+
+@pytest.mark.parametrize("mu_heating", [90.0, 99.0])
+def test_prediction_is_the_estimate_of_a_run_without_a_source_of_the_displacement(tracked, mu_heating):
+    identified = IdentifiedWire(wire(mu_heating), Rig(load_rig("in-process")).nominal_balance)
+    without = replace(tracked, metadata={**tracked.metadata, "displacement_from": "none"})
+    apart_mm = replay(without, identified).columns["estimated_mm"] - tracked.columns["displacement_mm"]
+    expected_percent = 100.0 * np.sqrt(np.mean(apart_mm**2)) / travel_mm(identified.model).stroke_mm
+    assert prediction_percent(tracked, identified) == pytest.approx(expected_percent)
+
+
+def test_prediction_is_unknown_when_a_displacement_is_missing(tracked):
+    displacement_mm = tracked.columns["displacement_mm"].copy()
+    displacement_mm[7] = nan
+    gap = replace(tracked, columns={**tracked.columns, "displacement_mm": displacement_mm})
+    assert isnan(prediction_percent(gap))
 
 
 def test_changed_rig_file_shows_from_the_first_tick_that_differs(tracked):
