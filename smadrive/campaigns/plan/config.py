@@ -43,10 +43,10 @@ class WireSettings(Section):
 
     diameter_mm   take a Flexinol wire of this diameter from published data, in place of the wire of the sim file; its
                   data sheet replaces the wire file of the rig
-    length_m      length of the Flexinol wire
-    alloy         alloy of the Flexinol wire: low (LT) or high (HT) transformation temperature
+    length_m      length of the Flexinol wire; needs `diameter_mm`
+    alloy         alloy of the Flexinol wire: low (LT) or high (HT) transformation temperature; needs `diameter_mm`
     seed          vary the parameters of the wire at random, with this seed
-    kind          kind of hysteresis of a random wire; by default random
+    kind          kind of hysteresis of a random wire; by default random; needs `seed`
     """
 
     diameter_mm: float | None = Field(default=None, gt=0)

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smadrive.campaigns.plan.axes import Axis, Level, axes_of
+from smadrive.campaigns.plan.checks import check_settings
 from smadrive.campaigns.plan.config import (
     MAIN_METRICS,
     NO_DISTURBANCE,
@@ -94,9 +95,9 @@ class CampaignPlan:
 
     def _planned(self, number: int, levels: Mapping[str, Level], table: dict[str, Any]) -> PlannedRun:
         settings = validate(table, RunSettings, f"{self.path}: [run]")
+        check_settings(table, settings, self.axes)
         if settings.seed is None:
             settings = settings.model_copy(update={"seed": self.config.seed})
-        check_complete(settings)
         disturbances = {NO_DISTURBANCE: (), **self.config.disturbances}
         reference = settings.reference
         return PlannedRun(
@@ -176,22 +177,6 @@ def files_of(run: PlannedRun) -> list[Path]:
     profiles = [device.profile.partition(":")[0] for device in run.documents.rig.devices]
     own_profiles = [name for name in profiles if name.endswith(".toml")]
     return [Path(name) for name in (*named, *own_profiles) if name is not None]
-
-
-def check_complete(settings: RunSettings) -> None:
-    """Raise ConfigError for a run whose settings contradict each other, or leave out what the experiment needs."""
-    if settings.experiment == "track" and settings.reference is None:
-        cure = 'write reference = "NAME" in [run], and [references.NAME] with its shape'
-        raise ConfigError('experiment = "track" needs a reference', where="[run]", cure=cure)
-    if settings.experiment == "fit" and settings.record is None:
-        cure = 'write record = "FILE" in [run], or records = "*.h5" in [[vary]]'
-        raise ConfigError('experiment = "fit" needs a record', where="[run]", cure=cure)
-    if settings.experiment == "identify" and settings.model is not None:
-        cure = 'remove `model`, or write experiment = "track"'
-        raise ConfigError('experiment = "identify" fits a model, and `model` gives one', where="[run]", cure=cure)
-    if settings.model is not None and settings.controller in ("plain-map", "duhem-inverse"):
-        what = f"controller = '{settings.controller}' is fitted to an excitation, and 'model' leaves the excitation out"
-        raise ConfigError(what, where="[run]", cure="remove one of the two keys")
 
 
 def _changed(table: dict[str, Any], changes: list[Mapping[str, Any]]) -> dict[str, Any]:

@@ -101,7 +101,7 @@ def test_records_are_fitted(tmp_path):
 def test_a_supply_with_other_sensors_is_a_rig_too(tmp_path):
     text = (
         'title = "supply"\n[run]\nexperiment = "identify"\nrig.file = "bench-supply"\nfit.memory = 1\n'
-        'wire.kind = "duhem"\n[[vary]]\nrig.devices.supply.profile = ["riden-rd60xx"]\n'
+        '[[vary]]\nrig.devices.supply.profile = ["riden-rd60xx"]\n'
     )
     (tmp_path / "supply.toml").write_text(text, encoding="utf-8")
     run = load_plan(str(tmp_path / "supply.toml")).run(0)

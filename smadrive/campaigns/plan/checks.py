@@ -1,0 +1,101 @@
+"""Checks of the settings of a run: they are complete, they agree, and every key has an effect.
+
+A key without an effect is an error. Otherwise the table would name a setting that no run had, for example
+`wire.alloy = "HT"` for runs on the wire of the sim file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from smadrive.campaigns.plan.axes import Axis
+from smadrive.campaigns.plan.config import Experiment, RunSettings
+from smadrive.errors import ConfigError
+
+NEEDED = {"wire.alloy": "wire.diameter_mm", "wire.length_m": "wire.diameter_mm", "wire.kind": "wire.seed"}
+"""Keys that have an effect only together with another key: the key to the key that it needs."""
+
+OF_TRACKING = ("controller", "reference", "disturbance", "displacement_sensor", "rig.displacement_from")
+UNUSED: dict[Experiment, tuple[str, ...]] = {
+    "track": ("record",),
+    "identify": ("record", *OF_TRACKING),
+    "fit": ("model", "rig", "sim", "wire", "seed", *OF_TRACKING),
+}
+"""The keys that have no effect in an experiment."""
+
+ADAPT = "rig.feedback.adapt"
+
+Table = Mapping[str, Any]
+"""The keys that a campaign file sets for a run."""
+
+
+class _Useless(NamedTuple):
+    """A key without an effect, why it has none, and the cure."""
+
+    key: str
+    why: str
+    cure: str
+
+
+def check_settings(table: Table, settings: RunSettings, axes: Sequence[Axis]) -> None:
+    """Raise ConfigError for a run that lacks a setting, or whose settings contradict each other or have no effect.
+
+    `settings` are the settings of the run, and `table` the keys that the file sets for it, in [run] or on `axes`.
+    """
+    _check_complete(settings)
+    for useless in _useless(table, settings):
+        where = f"{_table_of(useless.key, axes)}: {useless.key}"
+        raise ConfigError(f"has no effect {useless.why}", where=where, cure=useless.cure)
+
+
+def _check_complete(settings: RunSettings) -> None:
+    if settings.experiment == "track" and settings.reference is None:
+        cure = 'write reference = "NAME" in [run], and [references.NAME] with its shape'
+        raise ConfigError('experiment = "track" needs a reference', where="[run]", cure=cure)
+    if settings.experiment == "fit" and settings.record is None:
+        cure = 'write record = "FILE" in [run], or records = "*.h5" in [[vary]]'
+        raise ConfigError('experiment = "fit" needs a record', where="[run]", cure=cure)
+    if settings.experiment == "identify" and settings.model is not None:
+        cure = 'remove `model`, or write experiment = "track"'
+        raise ConfigError('experiment = "identify" fits a model, and `model` gives one', where="[run]", cure=cure)
+    if settings.model is not None and settings.controller in ("plain-map", "duhem-inverse"):
+        what = f"controller = '{settings.controller}' is fitted to an excitation, and 'model' leaves the excitation out"
+        raise ConfigError(what, where="[run]", cure="remove one of the two keys")
+
+
+def _useless(table: Table, settings: RunSettings) -> Iterator[_Useless]:
+    """Yield the keys of the run that have no effect."""
+    experiment = settings.experiment
+    for key in UNUSED[experiment]:
+        if _is_set(table, key):
+            other = "fit" if key == "record" else "track"
+            cure = f'remove it, or write experiment = "{other}" in [run]'
+            yield _Useless(key, f'with experiment = "{experiment}"', cure)
+    for key, needed in NEEDED.items():
+        if _is_set(table, key) and not _is_set(table, needed):
+            more = ", or random_wires in [[vary]]" if needed == "wire.seed" else ""
+            yield _Useless(key, f"without {needed}", f"remove it, or write {needed}{more}")
+    if _is_set(table, "fit") and _is_set(table, "model"):
+        yield _Useless("fit", "with model: the run identifies no wire", "remove one of the two keys")
+    if _is_set(table, ADAPT):
+        yield _Useless(ADAPT, "in a campaign: only `smadrive tune` adapts the rules", "remove it")
+
+
+def _is_set(table: Table, key: str) -> bool:
+    """Return True if the file sets the key, a path such as `wire.alloy`."""
+    first, _, rest = key.partition(".")
+    if not rest or first not in table:
+        return first in table
+    inner = table[first]
+    return isinstance(inner, Mapping) and _is_set(inner, rest)
+
+
+def _table_of(key: str, axes: Sequence[Axis]) -> str:
+    """Return the name of the table that sets the key: an axis or [run]."""
+    for number, axis in enumerate(axes, 1):
+        for path in axis.settings[0]:
+            shorter, longer = sorted((key, path), key=len)
+            if f"{longer}.".startswith(f"{shorter}."):
+                return f"[[vary]] {number}"
+    return "[run]"
