@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -67,10 +68,19 @@ class DisplacementPI:
         return power_w
 
 
-def controller_of(
-    run: PlannedRun, knowledge: WireKnowledge, wire: WireModel, reference: Reference
-) -> tuple[Controller, DisplacementInverse]:
-    """Return the controller of a tracking run, and its inverse. A controller without an inverse gets the static map."""
+class RunController(NamedTuple):
+    """The controller of a tracking run, its inverse, and the wire model that it uses. A log records the last two.
+
+    A controller without an inverse has the static map as `inverse`.
+    """
+
+    controller: Controller
+    inverse: DisplacementInverse
+    wire: WireModel
+
+
+def controller_of(run: PlannedRun, knowledge: WireKnowledge, wire: WireModel, reference: Reference) -> RunController:
+    """Return the controller of a tracking run on the identified wire `wire`."""
     name, settings = run.settings.controller, tracking_settings(run.documents.rig)
     if name == "inverse":
         return _tracking(reference, wire, run)
@@ -81,15 +91,17 @@ def controller_of(
         return _tracking(reference, WireModel(fit.model, wire.balance, wire.resistance), run)
     plain = _static_map(knowledge, wire)
     if name == "plain-map":
-        return TrackingController(reference, wire, plain, settings), plain
+        return RunController(TrackingController(reference, wire, plain, settings), plain, wire)
     if run.settings.displacement_sensor and settings.displacement_from is DisplacementFrom.SENSOR:
-        return DisplacementPI(reference, wire, settings.current_limit_a), plain
-    return TrackingController(reference, wire, plain, replace(settings, feedforward_share=0.0)), plain
+        return RunController(DisplacementPI(reference, wire, settings.current_limit_a), plain, wire)
+    feedback = TrackingController(reference, wire, plain, replace(settings, feedforward_share=0.0))
+    return RunController(feedback, plain, wire)
 
 
-def _tracking(reference: Reference, wire: WireModel, run: PlannedRun) -> tuple[Controller, DisplacementInverse]:
+def _tracking(reference: Reference, wire: WireModel, run: PlannedRun) -> RunController:
     inverse = HysteresisInverse(wire.model)
-    return TrackingController(reference, wire, inverse, tracking_settings(run.documents.rig)), inverse
+    controller = TrackingController(reference, wire, inverse, tracking_settings(run.documents.rig))
+    return RunController(controller, inverse, wire)
 
 
 def _static_map(knowledge: WireKnowledge, wire: WireModel) -> StaticMap:

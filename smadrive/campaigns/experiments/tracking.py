@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from smadrive.campaigns.experiments.columns import Row, outcome_row
-from smadrive.campaigns.experiments.controllers import controller_of
+from smadrive.campaigns.experiments.controllers import RunController, controller_of
 from smadrive.campaigns.experiments.identification import WireKnowledge
 from smadrive.campaigns.experiments.references import PlannedReference, planned_reference
 from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig, simulated_wire, tracked_wire, wire_row
 from smadrive.campaigns.plan.plan import PlannedRun
 from smadrive.control.controllers.tracking import TrackingController
-from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.loop import LoopMetrics, Tick
 from smadrive.control.references.reference import Reference
 from smadrive.errors import TripError
@@ -104,13 +103,17 @@ def _driven(
     series: TickSeries,
     log_file: Path | None,
 ) -> LoopMetrics:
-    """Run the controller on the simulated rig, and record the run if it has a log."""
-    controller, inverse = controller_of(run, knowledge, wire, planned.reference)
+    """Run the controller on the simulated rig, and record the run if it has a log.
+
+    The supervisor uses the identified wire for every controller, so that all controllers trip at the same limits.
+    """
+    chosen = controller_of(run, knowledge, wire, planned.reference)
+    controller = chosen.controller
     with simulated.rig as rig:
         source = rig.config.displacement_from
         rig.check_sensing(wire, source, rig.measure().temperature_c)
         simulated.plan_disturbance(run.disturbance, planned.reference.scored_from_s)
-        log = nullcontext() if log_file is None else _recorder(log_file, run, rig, planned.reference, wire, inverse)
+        log = nullcontext() if log_file is None else _recorder(log_file, run, rig, planned.reference, chosen)
         with log as recorder:
 
             def record(tick: Tick) -> None:
@@ -122,10 +125,8 @@ def _driven(
             return rig.drive(controller, wire.balance, record, wire_checks(wire, source, None, trusts_sensor))
 
 
-def _recorder(
-    log_file: Path, run: PlannedRun, rig: Rig, reference: Reference, wire: WireModel, inverse: DisplacementInverse
-) -> TickRecorder:
+def _recorder(log_file: Path, run: PlannedRun, rig: Rig, reference: Reference, chosen: RunController) -> TickRecorder:
     """Create the log of a tracking run, and return its recorder."""
     title = f"run {run.number} of a campaign: {run.settings.controller}, {dict(run.levels)}"
     seed = str(run.settings.seed)
-    return record_tracking(log_file, rig, reference, wire, inverse, seed=seed, title=title)
+    return record_tracking(log_file, rig, reference, chosen.wire, chosen.inverse, seed=seed, title=title)

@@ -54,4 +54,4 @@ def test_feedback_uses_the_displacement_of_a_sensor_only(short_campaign, setting
     run = short_campaign(run=f'controller = "feedback-only"\n{settings}').run(0)
     knowledge = wire_of_model(run.settings.model)
     wire = WireModel(knowledge.wire.model, BALANCE)
-    assert type(controller_of(run, knowledge, wire, REFERENCE)[0]) is kind
+    assert type(controller_of(run, knowledge, wire, REFERENCE).controller) is kind

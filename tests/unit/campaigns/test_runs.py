@@ -8,15 +8,23 @@ import sys
 import tempfile
 
 import dask
+import numpy as np
 import pytest
 from distributed import Client, LocalCluster, wait
+from exact_wire import exact_wire
 
 from smadrive.campaigns.execution.journal import Journal
 from smadrive.campaigns.execution.scheduling import _result_of, groups_of, run_all
+from smadrive.campaigns.experiments.identification import WireKnowledge
 from smadrive.campaigns.experiments.run import execute, logged_run
+from smadrive.campaigns.experiments.tracking import tracking_row
 from smadrive.campaigns.results.table import results_table, write_table
 from smadrive.campaigns.versions import versions, with_versions
 from smadrive.errors import ConfigError, DataError
+from smadrive.hysteresis import DuhemModel
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.replay import replay
+from smadrive.runs.run_metadata import wire_of
 
 
 @pytest.fixture(scope="module")
@@ -108,6 +116,21 @@ def test_log_on_a_full_disk_is_one_sentence(short_campaign, tmp_path, monkeypatc
     with pytest.raises(DataError) as caught:
         logged_run(short_campaign().run(0))
     assert caught.value.cure
+
+
+def test_log_holds_the_model_that_drove_the_wire(short_campaign, tmp_path):
+    """The identified wire has another model than the Duhem model that is fitted to its record."""
+    heating_c, cooling_c = np.linspace(20.0, 130.0, 200), np.linspace(130.0, 20.0, 200)
+    loop_c = np.concatenate((heating_c, cooling_c))
+    recorded = DuhemModel.gaussian(
+        mu_heating=87, mu_cooling=66, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20.0, 130.0)
+    )
+    knowledge = WireKnowledge(exact_wire(), loop_c, recorded.simulate(loop_c), {})
+    run = short_campaign(run='controller = "duhem-inverse"', model="").run(0)
+    tracking_row(run, knowledge, tmp_path / "run.h5")
+    log = read_log(tmp_path / "run.h5")
+    np.testing.assert_allclose(wire_of(log).model.simulate(loop_c), recorded.simulate(loop_c), atol=0.1)
+    assert replay(log).exact
 
 
 @pytest.mark.exhaustive
