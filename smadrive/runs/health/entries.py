@@ -21,7 +21,7 @@ from smadrive.rig.config import RigConfig
 from smadrive.runs.health.rest_resistance import HeatedSamples, RestResistance, rest_resistance
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.series import rms_and_max
-from smadrive.runs.metrics.tracking_error import error_percent, measured_mm
+from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, measured_mm
 from smadrive.runs.run_metadata import nominal_balance, rig_config_of, wire_of
 from smadrive.runs.session_record import models_of, tunings_of
 from smadrive.safety.resistance_band import current_min_a
@@ -156,10 +156,11 @@ def _measured_rest(log: Log, wire: WireModel, config: RigConfig) -> RestResistan
 
 
 def _tracking_percent(log: Log) -> tuple[float, float]:
-    """Return RMS and largest tracking error in % of the stroke; NaN if no sample has setpoint and displacement."""
-    if "wire" not in log.metadata:
-        return nan, nan
-    return rms_and_max(error_percent(log))
+    """Return RMS and largest tracking error in % of the stroke; NaN if no sample has setpoint and displacement.
+
+    Both are NaN for a tuning session: its references and tunings change, so its error says nothing about the wire.
+    """
+    return rms_and_max(error_percent(log)) if has_setpoint(log) else (nan, nan)
 
 
 def _adapted(log: Log) -> LoopShape | None:

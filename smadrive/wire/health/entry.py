@@ -56,7 +56,7 @@ class HealthEntry(BaseModel):
     heating_c        place of the heating branch: its temperature at the middle of the stroke, °C
     cooling_c        place of the cooling branch, °C
     model_percent    RMS error of the model of the wire file in this run, or of its fit, in % of the stroke
-    rms_percent      RMS of the tracking error, in % of the stroke
+    rms_percent      RMS of the tracking error, in % of the stroke; NaN for a tuning session
     max_percent      largest tracking error, in % of the stroke
     adapted          loop of the adapted model at the end of the run; None without online adaptation
     """

@@ -1,11 +1,14 @@
 """A session adds its adapted loop to the health record of its wire, and shows the health on the page."""
 
+import numpy as np
 import pytest
 
 from smadrive.rig.config import FeedbackConfig
 from smadrive.runs.health.assessment import assess
 from smadrive.runs.health.entries import loop_shape
 from smadrive.runs.health.recording import record_health
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.metrics.tracking_error import error_percent
 from smadrive.runs.run_log import WIRE_FILE, record_session
 from smadrive.tuning.page.panel import banner_html
 from smadrive.wire.health.drift import HealthVerdict, wire_health
@@ -33,6 +36,23 @@ def test_page_warns_about_a_drifted_wire(ruled_rig):
     assert ruled_rig.status["wire_warning"] == str(health)
     assert any(str(health) in text for _, text in ruled_rig.status["events"])
     assert str(health) in banner_html(ruled_rig.status, "")
+
+
+def test_session_has_no_tracking_error(ruled_rig, tmp_path):
+    """Steps, trials of tunings and other references of a session are not the wear of its wire."""
+    wire_file, log_file = tmp_path / "wire.json", tmp_path / "session.h5"
+    wire = IdentifiedWire(ruled_rig.model, BALANCE)
+    wire.save(wire_file)
+    ruled_rig.recording = lambda rig: record_session(log_file, rig, wire, **{WIRE_FILE: str(wire_file)})
+    ruled_rig.at(1.0, "arm")
+    ruled_rig.at(2.0, "track", reference="sine")
+    ruled_rig.run(until_s=30.0)
+    assert np.isfinite(error_percent(read_log(log_file))).any()
+    record_health(log_file)
+    _, session = read_health(wire_file).entries
+    assert session.kind == "tuning"
+    assert np.isnan((session.rms_percent, session.max_percent)).all()
+    assert np.isfinite(session.model_percent)
 
 
 @pytest.mark.exhaustive
