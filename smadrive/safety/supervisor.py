@@ -61,7 +61,6 @@ class Supervisor:
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
         self._not_following, self._displacement_unknown = Persistence(), Persistence()
-        self._limits_displacement = limits.has_displacement
         self._contradicting = Persistence()
         self._beyond_travel = Debounce(3, 4)
         self._late_ticks = 0
@@ -202,7 +201,7 @@ class Supervisor:
     def _check_displacement(self, measurement: Measurement, setpoint_mm: float) -> None:
         limits, measured_mm = self._limits, measurement.displacement_mm
         unknown_s = self._displacement_unknown.update(measurement.time_s, not isfinite(measured_mm))
-        if self._limits_displacement and unknown_s > limits.tracking_for_s:
+        if limits.has_displacement and unknown_s > limits.tracking_for_s:
             self._raise(Fault.DISPLACEMENT_UNKNOWN, measurement.time_s, f"no reading for {limits.tracking_for_s:g} s")
         outside = measured_mm < limits.displacement_min_mm or measured_mm > limits.displacement_max_mm
         if isfinite(measured_mm) and self._strayed.update(outside):
@@ -217,7 +216,8 @@ class Supervisor:
     def _check_contradiction(self, measurement: Measurement, contradiction: Contradiction | None) -> None:
         """Trip at once if the displacement is impossible at every temperature, else if the contradiction lasts."""
         band, displacement_mm = self._displacement_band, measurement.displacement_mm
-        is_impossible = self._beyond_travel.update(band is not None and band.is_beyond_travel(displacement_mm))
+        is_beyond = band is not None and band.is_beyond_travel(displacement_mm)
+        is_impossible = isfinite(displacement_mm) and self._beyond_travel.update(is_beyond)
         holds = contradiction is not None if self._is_compared(measurement) else None
         lasted_s = self._contradicting.update(measurement.time_s, holds)
         if contradiction is not None and (is_impossible or lasted_s > self._limits.contradicts_for_s):

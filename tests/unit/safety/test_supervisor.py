@@ -291,6 +291,13 @@ def test_displacement_beyond_the_travel_trips_at_once(band, displacement_mm):
     assert trips_after(samples, band=band) == (3, Fault.DISPLACEMENT_IMPLAUSIBLE)
 
 
+@pytest.mark.parametrize("missing", [1, 2])
+def test_displacement_beyond_the_travel_that_is_read_only_now_and_then_trips_at_the_third_reading(band, missing):
+    shown_mm = [nan if n % (missing + 1) else 999.0 for n in range(20)]
+    samples = [sample(n, temperature_c=80.0, displacement_mm=each_mm) for n, each_mm in enumerate(shown_mm)]
+    assert trips_after(samples, band=band) == (1 + 2 * (missing + 1), Fault.DISPLACEMENT_IMPLAUSIBLE)
+
+
 def test_displacement_outside_the_band_for_a_short_time_or_not_measured_does_not_trip(band):
     there = [sample(n, temperature_c=115.0, displacement_mm=0.0 if n % 50 else 12.0) for n in range(500)]
     assert trips_after(there, band=band) is None
