@@ -12,7 +12,7 @@ from math import isnan
 from typing import NamedTuple
 
 from firmware_sim.bus.modbus_exception import ModbusException
-from smadrive.devices.profile.dependent_registers import context_of
+from smadrive.devices.profile.dependent_registers import CELSIUS, context_of
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import ALONE, Context
 from smadrive.devices.profile.register import Register
@@ -65,7 +65,10 @@ class Write(NamedTuple):
 
 
 class RegisterBank:
-    """The registers of `profile`. At the start all are zero, except the registers that identify the device."""
+    """The registers of `profile`.
+
+    At the start all are zero, except the registers that identify the device; temperatures are in °C.
+    """
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -91,6 +94,9 @@ class RegisterBank:
                 continue
             cell = self._cells[proof.register_]
             cell.store(cell.codec.pack(proof.ranges[0][0]))
+        for name in {register.unit_from for register in profile.registers.values() if register.unit_from}:
+            cell = self._cells[name]
+            cell.store(_words_for(cell, CELSIUS, ALONE))
 
     @property
     def tables(self) -> set[str]:

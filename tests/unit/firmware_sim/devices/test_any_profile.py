@@ -167,6 +167,27 @@ def test_setpoint_uses_the_decimals_and_unit_of_the_device(connect):
     assert "'%'" in device.read(("pv",))["pv"].invalid
 
 
+def test_temperature_is_converted_from_the_unit_of_the_panel(connect):
+    simulated, device = connect(load_profile("delta-dtb"))
+    simulated.bench.advance_to(0.45)
+    bank, shown = simulated.responder._bank, {}
+    for unit, raw in (("degC", 1), ("degF", 0)):
+        bank.preset("temp_unit", raw)
+        device.write("sv", 100.0)
+        readings = device.read(("pv", "sv", "temp_unit"))
+        assert readings["temp_unit"].words == (unit,)
+        assert readings["sv"].value == 100.0
+        shown[unit] = readings["pv"]
+    assert shown["degC"].raw == pytest.approx(220, abs=5)
+    assert shown["degF"].raw == pytest.approx(1.8 * shown["degC"].raw + 320, abs=2)
+    assert shown["degF"].value == pytest.approx(shown["degC"].value, abs=0.1)
+
+
+def test_simulated_thermometer_starts_in_degrees_celsius(connect):
+    _, device = connect(load_profile("delta-dtb"))
+    assert device.read(("temp_unit",))["temp_unit"].words == ("degC",)
+
+
 def test_nonvolatile_register_is_written_only_when_it_changes(connect):
     _, device = connect(load_profile("autonics-tk"))
     device.write("sv", 50.0)
