@@ -79,3 +79,10 @@ def test_every_supply_ends_its_heating_first(name):
     if profile.profile.role == "supply":
         assert profile.safe_state[0].register_ == profile.role("heater_enable")
         assert profile.safe_state[0].value == 0
+
+
+def test_overvoltage_protection_of_an_xy7025_reaches_above_its_highest_voltage():
+    family = PROFILES["xy-sk-family"]
+    (variant,) = (one for one in family.variants if one.match == {"model_id": (0x6500, 0x6500)})
+    registers = family.as_variant(variant).registers
+    assert registers["ovp"].max > registers["v_set"].max
