@@ -17,7 +17,7 @@ from types import MappingProxyType, TracebackType
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import RegisterReading
 from smadrive.devices.profile.schema import IdentityRegister
-from smadrive.devices.profile.variants import has_switch, matching
+from smadrive.devices.profile.variants import has_switch, matching, unswitched
 from smadrive.errors import DeadlineError, DeviceError, IdentityError
 
 Identity = Mapping[str, float | str]
@@ -98,15 +98,22 @@ class IdentityCheck:
         """
 
     def judge(self, readings: Mapping[str, RegisterReading], expected: Identity) -> ProvedModel:
-        """Return the model that the readings prove; IdentityError if type or identity is another one."""
+        """Return the model that the readings prove; IdentityError if type or identity is another one.
+
+        If a range switch is in an unknown state, the registers that depend on it are invalid in the returned profile.
+        The safe state does not need them all, so the device can still be switched off.
+        """
         family = self._family
         check_type(family.identify, readings, family.profile.id, self._where)
         identity = identity_of(family, readings)
         check_same(expected, identity, f"{self._where}, a '{family.profile.id}'")
         raws = {name: reading.raw for name, reading in readings.items()}
         variant = matching(family.variants, raws)
+        may_switch = has_switch(family.variants, family.registers, raws)
         profile = family if variant is None else family.as_variant(variant)
-        return ProvedModel(profile, identity, has_switch(family.variants, family.registers, raws))
+        if variant is None and may_switch:
+            profile = family.model_copy(update={"registers": unswitched(family.variants, family.registers, raws)})
+        return ProvedModel(profile, identity, may_switch)
 
 
 def check_type(

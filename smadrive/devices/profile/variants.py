@@ -56,15 +56,40 @@ def matching(variants: Sequence[Variant], raws: Mapping[str, float]) -> Variant 
 
 def has_switch(variants: Sequence[Variant], registers: Mapping[str, Register], raws: Mapping[str, float]) -> bool:
     """Return True if a setting (a range switch) can change the device with these raw values to another variant."""
+    return any(_switches(variant, registers) for variant in _reachable(variants, registers, raws))
+
+
+def unswitched(
+    variants: Sequence[Variant], registers: Mapping[str, Register], raws: Mapping[str, float]
+) -> dict[str, Register]:
+    """Return the registers of a device whose setting (a range switch) is in a state that no variant has.
+
+    The registers that depend on the setting are never valid, because their scales and limits are unknown.
+    """
+    changed = dict(registers)
+    for variant in _reachable(variants, registers, raws):
+        never: dict[str, tuple[int, ...]] = {name: () for name in _switches(variant, registers)}
+        after = applied(registers, variant)
+        for name in (name for name, register in registers.items() if never and after.get(name) is not register):
+            table = registers[name].model_dump(exclude_unset=True) | {"valid_when": never}
+            changed[name] = Register.model_validate(table)
+    return changed
+
+
+def _switches(variant: Variant, registers: Mapping[str, Register]) -> list[str]:
+    """Return the registers of `match` that can be written, so that their values can change."""
+    return [name for name in variant.match if registers[name].writable]
+
+
+def _reachable(
+    variants: Sequence[Variant], registers: Mapping[str, Register], raws: Mapping[str, float]
+) -> list[Variant]:
+    """Return the variants that the device with these raw values can be in some state of its settings."""
 
     def may_hold(name: str, span: tuple[int, int]) -> bool:
         return registers[name].writable or span[0] <= raws[name] <= span[1]
 
-    return any(
-        all(may_hold(name, span) for name, span in variant.match.items())
-        and any(registers[name].writable for name in variant.match)
-        for variant in variants
-    )
+    return [variant for variant in variants if all(may_hold(name, span) for name, span in variant.match.items())]
 
 
 def refuse_ambiguity(variants: Sequence[Variant]) -> None:

@@ -146,6 +146,34 @@ def test_range_is_read_before_every_write(connect):
     assert high.registers["i_set"].scale == 0.001
 
 
+def test_registers_of_an_unknown_range_are_invalid_and_the_output_can_be_switched_off(connect):
+    family = load_profile("riden-rd60xx")
+    low = next(variant for variant in family.variants if "current_range" in variant.match)
+    simulated, device = connect(family.as_variant(low))
+    bank = simulated.responder._bank
+    device.write("i_set", 0.3)
+    device.write("output", 1)
+    bank.preset("current_range", 255)
+    with pytest.raises(ConfigError, match=r"current_range: 255"):
+        device.write("i_set", 0.3)
+    readings = device.read(("i_out", "v_out", "i_set", "output"))
+    assert [readings[name].invalid for name in ("i_out", "v_out", "i_set")] == ["current_range: 255"] * 3
+    assert readings["output"].words == ("on",)
+    with pytest.raises(ConfigError):
+        device.enter_safe_state()
+    assert simulated.firmware.current_a == 0.0
+    bank.preset("current_range", 0)
+    device.enter_safe_state()
+    assert device.profile.register("i_set").scale == 0.0001
+
+
+def test_model_without_a_range_switch_ignores_the_register_of_the_switch(connect):
+    simulated, device = connect(load_profile("riden-rd60xx"))
+    simulated.responder._bank.preset("current_range", 255)
+    device.write("i_set", 0.3)
+    assert device.read(("i_set",))["i_set"].value == 0.3
+
+
 def test_model_outside_the_family_is_rejected(connect):
     family = load_profile("riden-rd60xx")
     simulated, device = connect(family)
