@@ -11,7 +11,7 @@ requests counts as absent.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 
@@ -21,11 +21,11 @@ from smadrive.devices.identity import IdentityCheck
 from smadrive.devices.line_survey import units_to_ask
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.read_plan import RequestPlans
-from smadrive.devices.state.lock import Role, lock_line
+from smadrive.devices.state.port_lock import lock_port
 from smadrive.errors import DeadlineError, DeviceError, ProtocolError, TransportError
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.requests import Request
-from smadrive.modbus.transports.connect import line_settings, open_transport, port_of
+from smadrive.modbus.transports.connect import line_settings, open_transport
 from smadrive.modbus.transports.transport import SerialSettings, Transport
 
 SILENT = 3
@@ -62,7 +62,7 @@ def scan(
     URL without a baud rate is tried with the settings of all profiles, where options of the URL replace theirs.
     BusyError when another smadrive process uses the port.
     """
-    with lock_line(port_of(url), Role.DRIVER) if url.startswith("serial:") else nullcontext():
+    with lock_port(url, unit_ids):
         yield from _scan(url, unit_ids, profiles, ask)
 
 

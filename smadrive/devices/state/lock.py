@@ -117,6 +117,15 @@ def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> Lin
     return lock
 
 
+def check_free(line: str) -> None:
+    """Raise BusyError, with the holder, if another process has locked `line` at this moment."""
+    if _file(line).exists():
+        lock = _try_lock(line)
+        if lock is None:
+            raise _busy(line, holder_of(line))
+        lock.release()
+
+
 def holder_of(line: str) -> Holder | None:
     """Return the holder that the lock file of `line` names; return None if it names none or cannot be read."""
     try:

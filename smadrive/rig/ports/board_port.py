@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from smadrive.devices.profile.profile import Profile, load_profile
-from smadrive.devices.state.lock import Role, lock_line
-from smadrive.modbus.transports.connect import open_transport, port_of
+from smadrive.devices.state.port_lock import lock_port
+from smadrive.modbus.transports.connect import open_transport
 from smadrive.modbus.transports.transport import Transport
 from smadrive.rig.ports.discovery import port_url
 
@@ -21,5 +21,5 @@ def open_board(port: str) -> Iterator[tuple[Transport, Profile]]:
     BusyError when the port is in use.
     """
     url, profile = port_url(port), load_profile(PROFILE)
-    with lock_line(port_of(url), Role.DRIVER), open_transport(url, profile.serial_settings()) as transport:
+    with lock_port(url, (profile.unit_id,)), open_transport(url, profile.serial_settings()) as transport:
         yield transport, profile
