@@ -68,7 +68,7 @@ def unswitched(
     """
     changed = dict(registers)
     for variant in _reachable(variants, registers, raws):
-        never: dict[str, tuple[int, ...]] = {name: () for name in _switches(variant, registers)}
+        never: dict[str, tuple[int, ...]] = dict.fromkeys(_switches(variant, registers), ())
         after = applied(registers, variant)
         for name in (name for name, register in registers.items() if never and after.get(name) is not register):
             table = registers[name].model_dump(exclude_unset=True) | {"valid_when": never}
