@@ -165,7 +165,7 @@ class SensorFaults:
         self.estop.end()
 
     def silence_sensor_bus(self, for_s: Seconds | None = None) -> None:
-        """A sensor of the board does not answer."""
+        """The meters of current and voltage of the board do not answer."""
         self.sensor_bus.begin("silent", for_s)
 
     def stick_actuator(self, for_s: Seconds | None = None) -> None:

@@ -8,6 +8,7 @@
  */
 #include "chips.h"
 
+#include "../core/board.h"
 #include "i2c.h"
 #include "range.h"
 
@@ -16,6 +17,7 @@ enum { SHUNT_VOLTAGE = 0x01, BUS_VOLTAGE = 0x02, MANUFACTURER = 0xFE };
 
 #define TEXAS_INSTRUMENTS 0x5449u
 #define CODES 4096u
+#define HIGHEST_READING (BOARD_NO_READING - 1u)
 #define WRITE_EEPROM 0x60u
 
 /* Counts of 2.5 uV to 0.1 mA, times 2^12. */
@@ -36,7 +38,7 @@ bool meters_read(uint16_t *current, uint16_t *voltage) {
         return false;
     }
     counts = shunt & 0x8000u ? 0 : shunt * CURRENT_SCALE >> 12;
-    *current = counts < UINT16_MAX ? (uint16_t)counts : UINT16_MAX;
+    *current = counts < HIGHEST_READING ? (uint16_t)counts : HIGHEST_READING;
     *voltage = upper > lower ? (uint16_t)((upper - lower) * 5ul / 4) : 0;
     return true;
 }

@@ -1,7 +1,8 @@
 /* Timer 1 counts 4 us (16 MHz / 64) and has a compare match every 2500 counts. The interrupt masks itself and then lets
  * all others interrupt it, so that no byte of the line is lost. docs/sma-reference.md, "On a microcontroller".
  *
- * A chip that does not answer keeps its last values for two ticks; then its fault is set. The DAC keeps its output when
+ * A chip that does not answer keeps its last values for two ticks; then its fault is set, and its values are unknown: an
+ * old current would look like a shorted switch, and a zero like the proof that no current flows. The DAC keeps its output when
  * it is not reached, so the enable line is switched off at once when the DAC fails.
  */
 #include "safety.h"
@@ -48,7 +49,11 @@ static uint16_t read_converter(void) {
     if (status == CONVERTER_SHORT) {
         return BOARD_THERMOCOUPLE_SHORT;
     }
-    return silent_converter >= FAILED_TICKS || stalled >= STALLED_TICKS ? BOARD_SENSOR_BUS : 0;
+    if (silent_converter < FAILED_TICKS && stalled < STALLED_TICKS) {
+        return 0;
+    }
+    inputs.temperature = inputs.cold_junction = BOARD_NO_TEMPERATURE;
+    return BOARD_SENSOR_BUS;
 }
 
 static uint16_t read_meters(void) {
@@ -56,7 +61,7 @@ static uint16_t read_meters(void) {
     if (silent_meters < FAILED_TICKS) {
         return 0;
     }
-    inputs.current = inputs.voltage = 0; /* an old current would look like a shorted switch */
+    inputs.current = inputs.voltage = BOARD_NO_READING;
     return BOARD_SENSOR_BUS;
 }
 
@@ -135,6 +140,7 @@ void safety_begin(struct board *own_board, bool passed) {
     board = own_board;
     self_test_fault = passed ? 0 : BOARD_SELF_TEST;
     inputs.temperature = inputs.cold_junction = BOARD_NO_TEMPERATURE;
+    inputs.current = inputs.voltage = BOARD_NO_READING;
     PORTD |= ESTOP_OPEN | JUMPER | CONVERTER_READY;
     DDRD |= ENABLE;
     ADMUX = _BV(REFS1) | _BV(REFS0);

@@ -24,6 +24,8 @@ static void reset_state(struct board_state *state, const struct board_hardware *
     *state = zero;
     state->inputs.temperature = BOARD_NO_TEMPERATURE;
     state->inputs.cold_junction = BOARD_NO_TEMPERATURE;
+    state->inputs.current = BOARD_NO_READING;
+    state->inputs.voltage = BOARD_NO_READING;
     state->inputs.displacement = BOARD_NO_DISPLACEMENT;
     state->mode = BOARD_IDLE;
     state->watchdog_ms = hardware->watchdog_ms;
@@ -43,14 +45,21 @@ void board_power_up(struct board *board, const struct board_hardware *hardware, 
     board->calibration_due = false;
 }
 
+/* No calibration makes a reading of BOARD_NO_READING, or BOARD_NO_READING of a reading. */
+static uint16_t measured(uint16_t reading, uint16_t gain, int16_t offset) {
+    if (reading == BOARD_NO_READING) {
+        return BOARD_NO_READING;
+    }
+    const uint16_t count = calibration_apply(reading, gain, offset);
+    return count < BOARD_NO_READING ? count : (uint16_t)(BOARD_NO_READING - 1u);
+}
+
 /* The readings, calibrated. A converter that detects an open or shorted input gives no reading. */
 static void take_inputs(struct board_state *state, const struct board_inputs *inputs) {
     const struct calibration *calibration = &state->calibration;
     state->inputs = *inputs;
-    state->inputs.current =
-        calibration_apply(inputs->current, calibration->current_gain, calibration->current_offset);
-    state->inputs.voltage =
-        calibration_apply(inputs->voltage, calibration->voltage_gain, calibration->voltage_offset);
+    state->inputs.current = measured(inputs->current, calibration->current_gain, calibration->current_offset);
+    state->inputs.voltage = measured(inputs->voltage, calibration->voltage_gain, calibration->voltage_offset);
     if (inputs->detected & (BOARD_THERMOCOUPLE_OPEN | BOARD_THERMOCOUPLE_SHORT)) {
         state->inputs.temperature = BOARD_NO_TEMPERATURE;
     }

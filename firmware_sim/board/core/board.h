@@ -22,6 +22,7 @@
 #include "calibration.h"
 
 #define BOARD_NO_TEMPERATURE INT16_MIN  /* 0x8000: no reading */
+#define BOARD_NO_READING UINT16_MAX     /* 0xFFFF: current or voltage without a reading */
 #define BOARD_NO_DISPLACEMENT INT32_MIN /* 0x80000000: not fitted */
 #define BOARD_MAX_STALL_MS 100u         /* longest time without board_poll */
 #define BOARD_FRAME_SIZE 40u            /* bytes that a frame keeps; a reply is never longer */
@@ -61,7 +62,9 @@ struct board_hardware {
  * `detected` holds the faults that only the target can see at present: THERMOCOUPLE_OPEN and _SHORT (bits of the
  * converter), ESTOP (contact open or input pressed), SENSOR_BUS (a sensor does not answer, after the retries),
  * ACTUATOR (the DAC does not answer, or its read-back differs), SELF_TEST (a check at power-up failed: memory, source).
- * The core adds SELF_TEST while the calibration is not valid. Current and voltage are not calibrated yet. */
+ * A sensor that does not answer has no reading: BOARD_NO_TEMPERATURE, BOARD_NO_READING. The core adds SENSOR_BUS while
+ * current or voltage has no reading, and SELF_TEST while the calibration is not valid. Current and voltage are not
+ * calibrated yet. */
 struct board_inputs {
     int16_t temperature;
     int16_t cold_junction;

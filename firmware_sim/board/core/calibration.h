@@ -2,7 +2,8 @@
  *
  *   measured = reading * gain / 16384 + offset        output of the DAC = set current * gain / 16384 + offset
  *
- * A gain of 16384 is 1. Results are rounded down and kept within 0..65535; a set current of 0 is always an output of 0.
+ * A gain of 16384 is 1. Results are rounded down and kept within 0..65535, measured values within 0..65534; a set
+ * current of 0 is always an output of 0.
  */
 #ifndef CALIBRATION_H
 #define CALIBRATION_H

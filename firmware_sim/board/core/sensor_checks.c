@@ -14,6 +14,9 @@
 uint16_t sensor_causes(const struct board_state *state) {
     const struct board_inputs *inputs = &state->inputs;
     uint16_t causes = inputs->detected & DETECTED_BY_TARGET;
+    if (inputs->current == BOARD_NO_READING || inputs->voltage == BOARD_NO_READING) {
+        causes |= BOARD_SENSOR_BUS;
+    }
     if (!state->calibration_valid) {
         causes |= BOARD_SELF_TEST;
     }
@@ -27,14 +30,16 @@ uint16_t sensor_causes(const struct board_state *state) {
     return causes;
 }
 
+static bool is_known(const struct board_state *state) { return state->inputs.current != BOARD_NO_READING; }
+
 /* More than 110 % of the set current + 50 mA. */
 static bool is_excess(const struct board_state *state) {
-    return 10ul * state->inputs.current > 11ul * state->set + 10ul * CURRENT_MARGIN;
+    return is_known(state) && 10ul * state->inputs.current > 11ul * state->set + 10ul * CURRENT_MARGIN;
 }
 
 /* Less than half the set current, while this is above 50 mA. */
 static bool is_lack(const struct board_state *state) {
-    return state->set > CURRENT_MARGIN && 2ul * state->inputs.current < state->set;
+    return is_known(state) && state->set > CURRENT_MARGIN && 2ul * state->inputs.current < state->set;
 }
 
 uint16_t current_causes(struct board_state *state, uint32_t elapsed_ms) {

@@ -2,8 +2,8 @@
 
     measured = reading · gain / 16384 + offset        output of the source = set current · gain / 16384 + offset
 
-All values are counts. Results are rounded down and kept within 0 to 65535. A set current of 0 always gives an output of
-0. The record holds the six constants and a checksum over them.
+All values are counts. Results are rounded down and kept within 0 to 65535, measured values within 0 to 65534. A set
+current of 0 always gives an output of 0. The record holds the six constants and a checksum over them.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
+from firmware_sim.devices.board.readings import NO_READING
 from smadrive.modbus.framing import rtu
 
 GAIN_ONE = 16384
@@ -26,8 +27,12 @@ class Correction(NamedTuple):
     offset: int = 0
 
     def applied(self, count: int) -> int:
-        """Return the count of a reading or of a set current after the correction."""
+        """Return a count after the correction."""
         return min(max((count * self.gain >> 14) + self.offset, 0), 0xFFFF)
+
+    def measured(self, count: int) -> int:
+        """Return the count of a measured value after the correction; NO_READING for NO_READING, and for it only."""
+        return NO_READING if count == NO_READING else min(self.applied(count), NO_READING - 1)
 
 
 class BoardCalibration(NamedTuple):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from enum import IntFlag
 
-from firmware_sim.devices.board.readings import NO_TEMPERATURE, BoardFault, BoardReadings
+from firmware_sim.devices.board.readings import NO_READING, NO_TEMPERATURE, BoardFault, BoardReadings
 
 DERATE = 500
 DEBOUNCE_MS = 30
@@ -33,6 +33,8 @@ def sensor_faults(readings: BoardReadings, temperature_max: int) -> int:
         faults |= BoardFault.OVER_TEMPERATURE.value
     if readings.cold_junction not in COLD_JUNCTION and readings.cold_junction != NO_TEMPERATURE:
         faults |= BoardFault.COLD_JUNCTION_RANGE.value
+    if NO_READING in (readings.current, readings.voltage):
+        faults |= BoardFault.SENSOR_BUS.value
     return faults
 
 
@@ -41,6 +43,8 @@ class CurrentCheck:
 
     over_current   measured current > 1.1 · set current + 50 mA: a shorted switch
     heater_open    measured current < half the set current, with a set current > 50 mA: a broken wire
+
+    A current without a reading is not wrong.
     """
 
     def __init__(self) -> None:
@@ -52,8 +56,9 @@ class CurrentCheck:
 
     def faults(self, measured: int, set_current: int, elapsed_ms: int) -> int:
         """Return the bit of the fault, 0 without a fault. `elapsed_ms` is the time since the previous check."""
-        excess = 10 * measured > 11 * set_current + 10 * CURRENT_MARGIN
-        lack = set_current > CURRENT_MARGIN and 2 * measured < set_current
+        is_known = measured != NO_READING
+        excess = is_known and 10 * measured > 11 * set_current + 10 * CURRENT_MARGIN
+        lack = is_known and set_current > CURRENT_MARGIN and 2 * measured < set_current
         self._wrong_ms = self._wrong_ms + elapsed_ms if excess or lack else 0
         if self._wrong_ms < DEBOUNCE_MS:
             return 0

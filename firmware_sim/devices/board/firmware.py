@@ -24,6 +24,7 @@ from firmware_sim.devices.board.checks import BoardLimit, CurrentCheck, sensor_f
 from firmware_sim.devices.board.readings import (
     AMPERE,
     DEGREE,
+    NO_READING,
     NO_TEMPERATURE,
     VOLT,
     BoardFault,
@@ -149,8 +150,8 @@ class BoardFirmware:
             "cold_junction": readings.cold_junction / DEGREE,
             "heater_current": self.commanded_a,
             "heater_enable": 1 if self.state is BoardState.ARMED else 0,
-            "measured_current": readings.current / AMPERE,
-            "measured_voltage": readings.voltage / VOLT,
+            "measured_current": None if readings.current == NO_READING else readings.current / AMPERE,
+            "measured_voltage": None if readings.voltage == NO_READING else readings.voltage / VOLT,
             "displacement": self._sensors.displacement_mm(),
             "status": self.state.value,
             "faults": self.faults,
@@ -182,7 +183,10 @@ class BoardFirmware:
 
     def _read_sensors(self) -> None:
         readings, calibration = board_readings(self._sensors), self._calibration
-        current, voltage = calibration.current.applied(readings.current), calibration.voltage.applied(readings.voltage)
+        current = calibration.current.measured(readings.current)
+        voltage = calibration.voltage.measured(readings.voltage)
+        if self._map_version == 1 and NO_READING in (current, voltage):
+            current = voltage = 0  # a board of this version shows no missing reading
         self._readings = readings._replace(current=current, voltage=voltage)
 
     def _sensor_faults(self) -> int:

@@ -12,6 +12,8 @@ from typing import NamedTuple
 from firmware_sim.sensors.sensors import Sensors
 
 NO_TEMPERATURE = -0x8000
+NO_READING = 0xFFFF
+"""Count of a current or voltage without a reading."""
 AMPERE, VOLT, DEGREE, MILLIMETRE = 10_000, 1_000, 100, 10_000
 """Counts of the registers for 1 A, 1 V, 1 °C and 1 mm."""
 COUNT_C, COUNT_A, COUNT_V = 0.01, 0.0001, 0.001
@@ -56,19 +58,25 @@ class BoardReadings(NamedTuple):
 
 
 def board_readings(sensors: Sensors) -> BoardReadings:
-    """Return the present readings of a board, before its calibration. A current or voltage of NaN becomes 0."""
+    """Return the present readings of a board, before its calibration.
+
+    The meters of current and voltage are read together. If one does not answer, or the sensor bus is silent, current
+    and voltage are `NO_READING`.
+    """
     detected = 0
     for finding in sensors.findings:
         detected |= DETECTED[finding].value
+    is_lost = isnan(sensors.current_a) or isnan(sensors.voltage_v)
+    is_measured = not (is_lost or detected & BoardFault.SENSOR_BUS)
     return BoardReadings(
         NO_TEMPERATURE if sensors.unreadable else _count(sensors.temperature_c / COUNT_C, -0x7FFF, 0x7FFF),
         _count(sensors.cold_junction_c / COUNT_C, -0x7FFF, 0x7FFF),
-        _count(sensors.current_a / COUNT_A, 0, 0xFFFF),
-        _count(sensors.voltage_v / COUNT_V, 0, 0xFFFF),
+        _count(sensors.current_a / COUNT_A, 0, NO_READING - 1) if is_measured else NO_READING,
+        _count(sensors.voltage_v / COUNT_V, 0, NO_READING - 1) if is_measured else NO_READING,
         sensors.conversions & 0xFFFF,
         detected,
     )
 
 
 def _count(exact: float, lowest: int, highest: int) -> int:
-    return 0 if isnan(exact) else min(max(round(exact), lowest), highest)
+    return min(max(round(exact), lowest), highest)

@@ -130,6 +130,41 @@ def test_without_a_temperature_no_current_flows(board):
     assert board.view.limits == BoardLimit.TEMPERATURE
 
 
+HIGH_GAINS = "10 00 40 00 04 08 50 00 01 F4 50 00 01 F4"
+"""Writes the highest gains and offsets of current and voltage."""
+
+
+@pytest.mark.parametrize("lost", ["current", "voltage"])
+def test_lost_meter_is_a_fault_and_no_calibration_makes_a_reading_of_it(board, lost):
+    ask(board, HIGH_GAINS)
+    board.tick(Inputs(2200, 2500, **({"current": 0, "voltage": 0} | {lost: 0xFFFF})), 10)
+    assert board.view.faults == BoardFault.SENSOR_BUS
+    words = {"current": "ff ff 01 f4", "voltage": "01 f4 ff ff"}
+    assert ask(board, "03 00 16 00 02") == f"03 04 {words[lost]}"
+
+
+def test_highest_reading_is_not_taken_for_a_lost_meter(board):
+    ask(board, HIGH_GAINS)
+    for now_ms in (10, 20, 30, 40):
+        board.tick(Inputs(2200, 2500, current=0xFFFE, voltage=0xFFFE), now_ms)
+    assert ask(board, "03 00 16 00 02") == "03 04 ff fe ff fe"
+    assert board.view.faults == BoardFault.OVER_CURRENT
+
+
+def test_unknown_current_is_neither_too_high_nor_too_low(board):
+    for words in ("06 00 28 41 52", "10 00 20 00 03 06 01 01 0B B8 00 01"):
+        ask(board, words)
+    for now_ms in range(10, 80, 10):
+        board.poll(now_ms)
+        board.tick(Inputs(2200, 2500, current=0xFFFF), now_ms)
+    assert board.view.faults == BoardFault.SENSOR_BUS
+
+
+def test_board_shows_no_reading_before_its_first_tick():
+    board = CoreBoard(Hardware(**HARDWARE), BoardCalibration().record())
+    assert ask(board, "03 00 14 00 04") == "03 08 80 00 80 00 ff ff ff ff"
+
+
 def test_calibration_is_kept_in_the_storage(board):
     assert ask(board, "10 00 40 00 06 0C 41 00 00 05 3F 00 FF FB 40 10 00 02") == "10 00 40 00 06"
     assert BoardCalibration.of_record(board.storage) == BoardCalibration()

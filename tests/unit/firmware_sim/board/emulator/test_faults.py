@@ -1,7 +1,18 @@
 """Faults of chips, buses, main loop and supply: a named fault, and the current is zero in time."""
 
 import pytest
-from emulated_board import ARM, CLEAR, FAULT, IDLE, STATE, EmulatedBoard, needs_emulator, reset_while_heating
+from emulated_board import (
+    ARM,
+    CLEAR,
+    CURRENT,
+    FAULT,
+    IDLE,
+    STATE,
+    TEMPERATURE,
+    EmulatedBoard,
+    needs_emulator,
+    reset_while_heating,
+)
 
 from firmware_sim.board.emulator.microcontroller import HZ, Converter, Reset, Stuck
 from firmware_sim.devices.board.readings import BoardFault
@@ -46,6 +57,26 @@ def test_fault_is_named_and_switches_off(board, name):
     assert board.press(CLEAR) == 0
     assert board.registers() == (IDLE, 0)
     board.heat()
+
+
+LOST_READINGS = {
+    "converter absent": (TEMPERATURE, 2, [0x8000, 0x8000]),
+    "converter stopped": (TEMPERATURE, 2, [0x8000, 0x8000]),
+    "upper meter absent": (CURRENT, 2, [0xFFFF, 0xFFFF]),
+    "lower meter absent": (CURRENT, 2, [0xFFFF, 0xFFFF]),
+}
+
+
+@pytest.mark.parametrize("name", LOST_READINGS)
+def test_silent_chip_has_no_reading_until_it_answers_again(board, name):
+    field, value, _, limit_s = FAULTS[name]
+    first, count, lost = LOST_READINGS[name]
+    setattr(board.world, field, value)
+    board.run(limit_s + TICK_S)
+    assert board.read(first, count) == lost
+    setattr(board.world, field, GOOD.get(field, 0))
+    board.run(0.3)
+    assert not set(board.read(first, count)) & set(lost)
 
 
 def test_stuck_bus_does_not_delay_the_interrupt(board):
