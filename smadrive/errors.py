@@ -187,6 +187,10 @@ class SafetyError(SmadriveError):
     exit_code = 4
 
 
+class UnknownCurrentError(SafetyError):
+    """The heater was switched off, but its current is unknown, so nothing confirms that."""
+
+
 class TripError(SafetyError):
     """The supervisor or the device tripped.
 

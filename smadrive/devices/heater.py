@@ -18,7 +18,7 @@ from smadrive.devices.heating.heat_source import HeaterLimits, HeatSource, Sampl
 from smadrive.devices.heating.zero_current import wait_for_zero_current
 from smadrive.devices.sensor import PolledSensor
 from smadrive.devices.stopping.listener import StopListener
-from smadrive.errors import ConfigError, ProtocolError, SafetyError, TakenOverError
+from smadrive.errors import ConfigError, ProtocolError, SafetyError, TakenOverError, UnknownCurrentError
 from smadrive.measurement import Measurement
 
 DERATE_C = 5.0
@@ -153,7 +153,11 @@ class Heater:
 
         The heater is in its safe state afterwards.
         """
-        self.enter_safe_state()
+        try:
+            self.enter_safe_state()
+        except UnknownCurrentError:  # a latched fault may be the reason
+            self.source.clear_faults()
+            self.enter_safe_state()
         self.source.clear_faults()
         measurement = self.exchange(0.0)
         if measurement.device_faults:

@@ -21,6 +21,9 @@ from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ExceptionReply, ProtocolError, SafetyError
 from smadrive.modbus.verdict import ExceptionCode
 
+LOST_SENSOR = "sensor_bus"
+"""The fault of a board that a sensor does not answer. Boards with old firmware then show the current 0 A, and an old
+temperature, so neither is believed while the fault is latched."""
 STALE_S = 0.5
 """Longest time in s without a new sample before the temperature is invalid. A board converts at least every 0.1 s."""
 
@@ -67,13 +70,14 @@ class HeaterBoard(DeviceSource[Device]):
         self._current_name = profile.role("heater_current")
         self._enable_name = profile.role("heater_enable")
         self._sequence = SystemRandom().choice(SEQUENCES)
-        self._counter = -1.0
+        self._counter = nan
         self._counter_since_s = clock.now_s()
+        self._has_converted = False
 
     def connect(self) -> None:
         """Prove the identity of the board, write its safe state, and start the check of its sample counter."""
         super().connect()
-        self._counter_since_s = self._clock.now_s()
+        self._counter, self._counter_since_s, self._has_converted = nan, self._clock.now_s(), False
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
         """Prove the identity again, then set watchdog and limits of the board, confirmed by read-back."""
@@ -126,26 +130,31 @@ class HeaterBoard(DeviceSource[Device]):
         problem = self._temperature_fault(now_s, readings)
         armed = "armed" in readings["status"].words
         self._armed = self._armed and armed
+        faults = readings["faults"].words
+        is_lost = LOST_SENSOR in faults
         return Supplied(
-            readings["measured_current"].value,
-            readings["measured_voltage"].value,
+            nan if is_lost else readings["measured_current"].value,
+            nan if is_lost else readings["measured_voltage"].value,
             armed,
-            readings["faults"].words,
+            faults,
             readings["limits"].words,
             Sample(readings["temperature"].value if problem is None else nan, now_s, problem),
             Sample(readings["displacement"].value, now_s, readings["displacement"].invalid),
-            problem_of(readings, ("measured_current", "measured_voltage")),
+            LOST_SENSOR if is_lost else problem_of(readings, ("measured_current", "measured_voltage")),
         )
 
     def _temperature_fault(self, now_s: float, readings: dict[str, RegisterReading]) -> str | None:
         """Return the reason why the temperature is invalid (a fault of the device, or no new conversion), or None."""
         counter = readings["sample_counter"].value
         if isfinite(counter) and counter != self._counter:
+            self._has_converted = isfinite(self._counter)
             self._counter, self._counter_since_s = counter, now_s
-        invalid = readings["temperature"].invalid
+        invalid, faults = readings["temperature"].invalid, readings["faults"].words
         if invalid is not None:
-            named = [fault for fault in readings["faults"].words if fault.startswith(("thermocouple", "cold_junction"))]
-            return ", ".join(named) or invalid
+            named = [fault for fault in faults if fault.startswith(("thermocouple", "cold_junction"))]
+            return ", ".join(named) or (LOST_SENSOR if LOST_SENSOR in faults else invalid)
+        if LOST_SENSOR in faults and not self._has_converted:
+            return LOST_SENSOR
         stale_s = now_s - self._counter_since_s
         return f"no new conversion for {stale_s:.2f} s" if stale_s > STALE_S else None
 

@@ -6,7 +6,7 @@ from math import isnan
 
 from smadrive.clock import Clock
 from smadrive.devices.heating.heat_source import HeatSource, Supplied
-from smadrive.errors import DeviceError, ProtocolError, SafetyError, TransportError
+from smadrive.errors import DeviceError, ProtocolError, SafetyError, TransportError, UnknownCurrentError
 
 CURRENT_ZERO_A = 0.05
 """A measured current up to this value, in A, is noise of the measurement, so it counts as zero."""
@@ -21,7 +21,8 @@ def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock
     """Wait until no current flows from `source`, and return its last measurements.
 
     `source` must be in its safe state. SafetyError when current still flows after the allowed time, or the source still
-    reports that it is armed. If the exchange fails then, raise the error of the exchange.
+    reports that it is armed; UnknownCurrentError when it does not measure the current. If the exchange fails then,
+    raise the error of the exchange.
     """
     give_up_s = clock.now_s() + source.settle_s + CURRENT_GONE_S
     while True:
@@ -36,18 +37,24 @@ def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock
         if not (flows or supplied.armed):
             return supplied
         if clock.now_s() >= give_up_s:
-            raise SafetyError(
-                "the heater was switched off, but heating has not ended",
-                value=_remaining(supplied, flows=flows),
-                cure="cut the supply of the heater",
-            )
+            raise _error_of(supplied)
         clock.sleep_until(clock.now_s() + LOOK_AGAIN_S)
 
 
-def _remaining(supplied: Supplied, *, flows: bool) -> str:
-    """Return the reason why `supplied` does not prove that heating has ended."""
-    if not flows:
-        return "the device reports that it is armed"
+def _error_of(supplied: Supplied) -> SafetyError:
+    """Return the error that names why `supplied` does not prove that heating has ended."""
+    if supplied.armed:
+        return _not_ended("the device reports that it is armed")
     if isnan(supplied.current_a):
-        return f"the current is unknown ({supplied.problem or 'no reading'})"
-    return f"{supplied.current_a:.3f} A"
+        return UnknownCurrentError(
+            "the heater was switched off, but its current is unknown",
+            value=supplied.problem or "no reading",
+            cure="cut the supply of the heater, and mend the measurement of the current. A board keeps the fault "
+            "'sensor_bus' until it is cleared",
+        )
+    return _not_ended(f"{supplied.current_a:.3f} A")
+
+
+def _not_ended(value: str) -> SafetyError:
+    what = "the heater was switched off, but heating has not ended"
+    return SafetyError(what, value=value, cure="cut the supply of the heater")

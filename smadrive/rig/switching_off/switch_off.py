@@ -25,7 +25,7 @@ from smadrive.devices.state.key import DeviceKey, Match
 from smadrive.devices.state.latch import TripLatch
 from smadrive.devices.state.lock import Role
 from smadrive.devices.stopping.request import StoppedDriver
-from smadrive.errors import ConfigError, SafetyError
+from smadrive.errors import ConfigError, SafetyError, UnknownCurrentError
 from smadrive.interrupts import HeldSignals
 from smadrive.rig.assembly import heat_source, port_key
 from smadrive.rig.config import DeviceConfig
@@ -98,7 +98,7 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
             stopped += early
             off, failure = each(
                 [device for device in devices if device.heats],
-                lambda device: _switch_source_off(device, connections, config.current_max_a),
+                lambda device: _switch_source_off(device, connections, config.current_max_a, clear_faults=clear_faults),
             )
             late, late_refused = stop_late_drivers(keys, lambda: [one.confirm_again() for one in off])
             stopped += late
@@ -149,20 +149,31 @@ def _check_complete(config: OffConfig, off: Iterable[_SourceOff], failure: Excep
         )
 
 
-def _switch_source_off(device: PlannedDevice, connections: Connections, current_max_a: float) -> _SourceOff:
+def _switch_source_off(
+    device: PlannedDevice, connections: Connections, current_max_a: float, *, clear_faults: bool
+) -> _SourceOff:
     key = port_key(device)
     opened = connections.device(device)
     source = heat_source(device, opened, opened.clock)
-    confirm = partial(_confirm_off, source, current_max_a, opened.clock)
+    confirm = partial(_confirm_off, source, current_max_a, opened.clock, clear_faults=clear_faults)
     seen = confirm()
     if key is not None:
         key = key.with_identity(device.profile, opened.identity)
     return _SourceOff(device.name, source, key, TripLatch(key), seen.faults, confirm)
 
 
-def _confirm_off(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
-    """Switch the source off, wait until no current flows, and return the last answer of the source."""
+def _confirm_off(source: HeatSource, current_max_a: float, clock: Clock, *, clear_faults: bool) -> Supplied:
+    """Switch the source off, wait until no current flows, and return the last answer of the source.
+
+    If the current is unknown, a latched fault may be the reason. With `clear_faults` it is cleared, and tried again.
+    """
     source.connect()
+    try:
+        return wait_for_zero_current(source, current_max_a, clock)
+    except UnknownCurrentError:
+        if not clear_faults:
+            raise
+    source.clear_faults()
     return wait_for_zero_current(source, current_max_a, clock)
 
 

@@ -229,3 +229,28 @@ def test_simulated_device_of_another_program_is_named_as_not_stopped():
     assert "warning: each program simulates 'board' (sim://) for itself, so no other program was stopped" in done.stdout
     done = json.loads(off("in-process", "--json").stdout)
     assert (done["simulated"], done["stopped_drivers"], len(done["warnings"])) == (["board"], [], 1)
+
+
+BOARD = """
+name = "board"
+[[devices]]
+name = "board"
+profile = "sma-reference"
+url = "{url}"
+[limits]
+current_max_a = 0.6
+"""
+
+
+@pytest.mark.parametrize(("lasts", "cleared"), [("", 4), ("for_s = 0.1\n", 0)])
+def test_board_with_silent_meters_is_not_confirmed_off_until_the_fault_is_cleared(tmp_path, lasts, cleared):
+    (tmp_path / "faults.toml").write_text(f'[[faults]]\nat_s = 0.0\nname = "silence_sensor_bus"\n{lasts}')
+    rig = tmp_path / "rig.toml"
+    with served("--faults", str(tmp_path / "faults.toml")) as (_, url):
+        rig.write_text(BOARD.format(url=url))
+        plain, clearing = off(rig), off(rig, "--clear-faults")
+    assert plain.returncode == 4
+    assert UNCONFIRMED in plain.stderr
+    assert "confirmed by read-back" not in plain.stdout
+    assert clearing.returncode == cleared, clearing.stderr
+    assert ("confirmed by read-back" in clearing.stdout) is (cleared == 0)
