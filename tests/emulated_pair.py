@@ -17,7 +17,7 @@ from firmware_sim.board.emulator.microcontroller import HZ, Converter, Reset, St
 from firmware_sim.board.library import Hardware, Inputs
 from firmware_sim.config import load_sim
 from firmware_sim.devices.board.calibration import BoardCalibration
-from firmware_sim.devices.board.readings import BoardFault
+from firmware_sim.devices.board.readings import NO_READING, NO_TEMPERATURE, BoardFault
 from smadrive.modbus.framing import rtu
 
 FIRMWARE_VERSION, SERIAL_NUMBER = 200, 123_456
@@ -128,11 +128,14 @@ class EmulatedPair:
 
     def _tick(self):
         world = self.program.world
+        is_known = not self.detected
+        has_temperature = is_known or world.converter != Converter.ABSENT
+        has_power = is_known or not (world.stuck or world.top_meter_absent or world.bottom_meter_absent)
         inputs = Inputs(
-            round(world.temperature_c * 100),
-            round(world.cold_junction_c * 100),
-            self.core.view.output,
-            0,
+            round(world.temperature_c * 100) if has_temperature else NO_TEMPERATURE,
+            round(world.cold_junction_c * 100) if has_temperature else NO_TEMPERATURE,
+            self.core.view.output if has_power else NO_READING,
+            0 if has_power else NO_READING,
             NO_DISPLACEMENT,
             0,
             self.detected,
