@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import nan
 from typing import Protocol
 
 from firmware_sim.bus.faults import BusFaults, Delivery
@@ -49,7 +50,7 @@ class SimulatedDevice:
         self.faults = BusFaults(lambda: bench.time_s, seed)
         self.line = Line((self,))
         self._boot_s, self._min_gap_s = profile.timing.boot_ms / 1e3, profile.timing.min_gap_ms / 1e3
-        self._deaf_until_s = bench.time_s + self._boot_s
+        self._deaf_until_s, self._heard_s = bench.time_s + self._boot_s, nan
 
     @property
     def current_a(self) -> float:
@@ -60,11 +61,11 @@ class SimulatedDevice:
         """Carry out a request, and return the deliveries of the reply. A broadcast has no reply.
 
         Like a real device, the simulated device ignores requests while it starts. After each request it also ignores
-        requests for the time `min_gap_ms` of its profile.
+        requests for the time `min_gap_ms` of its profile, unless the time stands still between them (lockstep time).
         """
         if not self._listens(time_s):
             return []
-        self._deaf_until_s = time_s + self._min_gap_s
+        self._deaf_until_s, self._heard_s = time_s + self._min_gap_s, time_s
         if request.broadcast:
             self.responder.answer(request.pdu)
             return []
@@ -105,7 +106,7 @@ class SimulatedDevice:
             self._log_event(f"no power for {for_s:g} s")
         self._is_powered = False
         self._powered_at_s = max(self._powered_at_s, self.bench.time_s + for_s)
-        self._deaf_until_s = self._powered_at_s + self._boot_s
+        self._deaf_until_s, self._heard_s = self._powered_at_s + self._boot_s, nan
         self._power_up()
 
     def tick(self, dt_s: float) -> None:
@@ -122,7 +123,7 @@ class SimulatedDevice:
             self.firmware.restart()
 
     def _listens(self, time_s: float) -> bool:
-        return time_s >= self._deaf_until_s - 1e-9
+        return time_s == self._heard_s or time_s >= self._deaf_until_s - 1e-9
 
     def _log_event(self, text: str) -> None:
         """Record an event of the device, which has no events while it has no power."""
