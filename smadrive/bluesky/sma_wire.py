@@ -16,6 +16,7 @@ from typing import Any
 from smadrive.bluesky.flight import Flight
 from smadrive.bluesky.readings import Readings, WireSample
 from smadrive.bluesky.servo_end import end_servo
+from smadrive.bluesky.setpoint import Setpoint
 from smadrive.bluesky.settings import SmaWireSettings
 from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
@@ -57,9 +58,7 @@ class SmaWire:
         self._readings = Readings(name, f"smadrive:{rig.config.name}", rig.quantities)
         self._servo: Servo | None = None
         self._is_staged = False
-        self._setpoint_mm: float | None = None
-        self._stopped_mm: float | None = None
-        self._paused_mm: float | None = None
+        self._setpoint = Setpoint()
         self._idle: WireSample | None = None
         self._reference: Reference | None = None
         self._flight: Flight | None = None
@@ -88,19 +87,19 @@ class SmaWire:
         """Move to a displacement in mm. The status is done when the wire has settled, and fails after a trip."""
         self.check_value(value)
         motion = self._running_servo().move(value, **self._settings.options._asdict())
-        self._setpoint_mm = float(value)
+        self._setpoint.set(float(value))
         return self._followed(motion)
 
     def locate(self) -> dict[str, float]:
         """Return `setpoint` and `readback`, the displacement, in mm. Without a setpoint, both are the displacement."""
         readback_mm = self._readings.values(self._sample())[self._readings.main]
-        return {"setpoint": readback_mm if self._setpoint_mm is None else self._setpoint_mm, "readback": readback_mm}
+        return {"setpoint": self._setpoint.value_or(readback_mm), "readback": readback_mm}
 
     def trigger(self) -> Motion:
         """Take a fresh measurement: the next tick of the servo or, if no servo runs, a measurement at zero current."""
         if self._servo is not None and self._servo.is_running:
             return self._followed(self._servo.sample())
-        self._idle, self._stopped_mm = self._measured(), None
+        self._idle = self._measured()
         motion = Motion("measurement")
         motion.finish()
         return motion
@@ -147,33 +146,26 @@ class SmaWire:
         error here, because the status of the interrupted motion has failed already. In a callback of a status this
         method only requests the end: a callback must not wait for the read-back.
         """
-        pending, self._pending = self._pending, []
-        if self._setpoint_mm is not None:
-            self._stopped_mm, self._setpoint_mm = self._setpoint_mm, None
-        error = None if success else MotionError("was stopped", where=self.name)
-        ended = [motion for motion in pending if motion.decide(error)]
-        if self._servo is not None:
-            self._servo.request_end()
-        for motion in ended:
-            motion.call_back()
-        if self._servo is not None:
-            end_servo(self._servo, self._rig)
+        self._setpoint.stop()
+        self._end(None if success else MotionError("was stopped", where=self.name))
 
     def pause(self) -> None:
         """Switch the heater off, and keep the setpoint for `resume`."""
-        self.stop()
-        self._paused_mm = self._stopped_mm
+        self._setpoint.pause(is_held=self._servo is not None and self._servo.is_running)
+        self._end(None)
 
     async def resume(self) -> None:
-        """Move to the setpoint from before the pause, and return when the wire has settled there.
+        """Move to the setpoint that the pause has ended, and return when the wire has settled there.
 
         A run engine repeats only what the plan has done since its last checkpoint, and this need not contain the `set`.
-        If the move fails, its error is raised with the heater off.
+        If the pause has ended no setpoint, nothing moves. If the move fails, its error is raised with the heater off.
         """
-        setpoint_mm, self._paused_mm = self._paused_mm, None
+        setpoint_mm = self._setpoint.paused_mm
         if setpoint_mm is None:
             return
-        error = await asyncio.to_thread(self.set(setpoint_mm).exception, None)
+        motion = self.set(setpoint_mm)
+        self._setpoint.resume()
+        error = await asyncio.to_thread(motion.exception, None)
         if error is not None:
             self.stop()
             raise error
@@ -198,7 +190,7 @@ class SmaWire:
             cure = "use bluesky.preprocessors.stage_wrapper: it switches the heater off after an abort"
             raise ConfigError("a flyer must be staged", where=self.name, cure=cure)
         self._flight = Flight(self._running_servo(), self._reference)
-        self._setpoint_mm = None
+        self._setpoint.release()
         self._followed(self._flight.flown)
         return self._followed(self._flight.approach)
 
@@ -216,6 +208,17 @@ class SmaWire:
         """Yield an event for each tick of the reference since the last `collect`."""
         if self._flight is not None:
             yield from map(self._readings.event, self._flight.samples())
+
+    def _end(self, error: MotionError | None) -> None:
+        """End the motions under way, with this error or with success, and switch the heater off."""
+        pending, self._pending = self._pending, []
+        ended = [motion for motion in pending if motion.decide(error)]
+        if self._servo is not None:
+            self._servo.request_end()
+        for motion in ended:
+            motion.call_back()
+        if self._servo is not None:
+            end_servo(self._servo, self._rig)
 
     def _followed(self, motion: Motion) -> Motion:
         """Keep the motion, so that `stop` can end it."""

@@ -70,4 +70,6 @@ def rig(tmp_path_factory):
 
 @pytest.fixture
 def wire(rig, identified):
-    return SmaWire(rig, load_wire(identified.wire_file), name="wire", tolerance_mm=0.2)
+    device = SmaWire(rig, load_wire(identified.wire_file), name="wire", tolerance_mm=0.2)
+    yield device
+    device.stop()

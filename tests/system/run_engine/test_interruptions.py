@@ -93,43 +93,6 @@ def test_error_in_a_callback_does_not_keep_the_heater_on(rig, wire, monkeypatch)
     assert [one.exc_type for one in shown] == [ZeroDivisionError]
 
 
-def test_resume_returns_to_a_setpoint_from_before_the_checkpoint(engine, documents, rig, wire):
-    @bpp.stage_decorator([wire])
-    @bpp.run_decorator()
-    def plan():
-        yield from bps.mv(wire, 6.0)
-        yield from bps.checkpoint()
-        yield from bps.pause() if not is_paused.pop() else bps.null()
-        yield from bps.trigger_and_read([wire])
-
-    is_paused = [True, False]
-    with pytest.raises(RunEngineInterrupted):
-        engine(plan())
-    assert is_off(rig, wire)
-    engine.resume()
-    (row,) = documents.events()
-    assert row["wire_setpoint_mm"] == 6.0
-    assert row["wire_displacement_mm"] == pytest.approx(6.0, abs=0.2)
-    assert is_off(rig, wire)
-
-
-def test_resume_heats_no_wire_that_only_an_earlier_plan_has_set(engine, rig, wire):
-    @bpp.run_decorator()
-    def plan():
-        yield from bps.trigger_and_read([wire])
-        yield from bps.checkpoint()
-        yield from bps.pause() if not is_paused.pop() else bps.null()
-        yield from bps.trigger_and_read([wire])
-
-    is_paused = [True, False]
-    wire.set(6.0).wait()
-    wire.stop()
-    with pytest.raises(RunEngineInterrupted):
-        engine(plan())
-    engine.resume()
-    assert is_off(rig, wire)
-
-
 def test_stop_switches_off_before_it_calls_back(rig, wire):
     running = []
 
