@@ -61,13 +61,16 @@ class Tick(NamedTuple):
     """One tick of the loop.
 
     `time_s` is the time of the measurement since the start of the loop. The tick started `late_s` after its deadline.
-    `command` is the command that the controller computed from `measurement`.
+    `command` is the command that the controller computed from `measurement`. `tripped` is True for the last tick of a
+    run whose measurement tripped. No controller gets this measurement, so its command has no current, and the setpoints
+    and estimates of the command before.
     """
 
     time_s: float
     late_s: float
     measurement: Measurement
     command: Command
+    tripped: bool = False
 
     @property
     def measured_mm(self) -> float:
@@ -97,7 +100,8 @@ class LoopMetrics:
 class ControlLoop:
     """Runs one controller on one heater under one supervisor, with a tick every `period_s`.
 
-    `record` is called with each tick. After `stop_requested` has returned True, the loop sends only the safe state.
+    `record` is called with each tick; with the tick of a trip after the heater is off. After `stop_requested` has
+    returned True, the loop sends only the safe state.
     `on_trip` is called with a trip before the loop switches the heater off, because the process may be killed while it
     switches off.
     """
@@ -125,6 +129,7 @@ class ControlLoop:
         self._start_s = 0.0
         self._last_s = 0.0
         self._overran = False
+        self._tripping: Tick | None = None
         self.metrics = LoopMetrics()
 
     def run(self, watchdog_s: float) -> LoopMetrics:
@@ -134,13 +139,29 @@ class ControlLoop:
         after `watchdog_s` without a command. SafetyError when heating must not begin. TripError when the supervisor
         trips, the device rejects a command, or the guardian has taken over the heater.
         """
-        with ends_safe(self._heater.enter_safe_state, is_run=True):
-            self._supervisor.check_may_arm(self._heater.exchange(0.0))
-            self._heater.arm(watchdog_s)
-            self._start_s = self._clock.now_s()
-            self._last_s = -self._period_s
-            self._tick_to_the_end()
+        try:
+            with ends_safe(self._heater.enter_safe_state, is_run=True):
+                self._supervisor.check_may_arm(self._heater.exchange(0.0))
+                self._heater.arm(watchdog_s)
+                self._start_s = self._clock.now_s()
+                self._last_s = -self._period_s
+                self._tick_to_the_end()
+        except TripError as trip:
+            self._record_trip(trip)
+            raise
         return self.metrics
+
+    def _record_trip(self, trip: TripError) -> None:
+        """Record the measurement that tripped, if there is one. A failure to record it becomes the cause of the trip.
+
+        So a full disk or a signal does not hide the trip.
+        """
+        if self._tripping is None:
+            return
+        try:
+            self._record(self._tripping)
+        except BaseException as failure:  # noqa: BLE001 (the trip is raised)
+            trip.__cause__ = failure
 
     def _tick_to_the_end(self) -> None:
         number = 0
@@ -177,8 +198,10 @@ class ControlLoop:
         if measurement is None:
             self._stop_if(self._supervisor.check_fresh(self._clock.now_s()))
             return
-        self._stop_if(self._supervisor.update(measurement, self._command.setpoint_mm))
         time_s = measurement.time_s - self._start_s
+        if (trip := self._supervisor.update(measurement, self._command.setpoint_mm)) is not None:
+            self._tripping = Tick(time_s, late_s, measurement, self._command.after_trip(), tripped=True)
+            raise self._tripped(trip)
         dt_s, self._last_s = time_s - self._last_s, time_s
         self._command = self._controller.update(time_s, measurement, dt_s)
         self._record(Tick(time_s, late_s, measurement, self._command))

@@ -72,6 +72,7 @@ COLUMNS = {
     "late_s": Column("late_s", "s", "lateness of the tick"),
     "temperature_fault": Column("measurement.temperature_fault", "1", "temperature invalid", is_flag=True),
     "limited": Column("measurement.limits", "1", "output held back", is_flag=True),
+    "tripped": Column("tripped", "1", "measurement that tripped", is_flag=True),
 }
 
 

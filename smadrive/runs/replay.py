@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from smadrive.control.controllers.interface import Controller
+from smadrive.control.controllers.interface import Command, Controller
 from smadrive.control.controllers.tracking import DISPLACEMENT_NOISE
 from smadrive.control.estimation.observer import WireObserver
 from smadrive.control.estimation.prediction import DisplacementPrediction
@@ -106,11 +106,19 @@ def replay(log: Log, wire: IdentifiedWire | None = None) -> Replay:
     time_s = log.column("time_s")
     if time_s.size == 0:
         raise DataError("no tick was recorded", where=log.path, cure=RECORD)
-    commands = list(_updated(log, _controller(log, wire).update))
+    commands = list(_commands(log, _controller(log, wire)))
     recorded = {name: key for name, key in COMMAND_FIELDS.items() if name in log.columns}
     columns = {name: np.array([getattr(command, key) for command in commands]) for name, key in recorded.items()}
     differences = {name: _difference(log.column_with_gaps(name), values, time_s) for name, values in columns.items()}
     return Replay(time_s, columns, differences)
+
+
+def _commands(log: Log, controller: Controller) -> Iterator[Command]:
+    """Yield the controller's command for each sample. As in the run, it does not get a sample that tripped."""
+    command, updated = Command(0.0), _updated(log.without_trips(), controller.update)
+    for tripped in log.tripped_rows:
+        command = command.after_trip() if tripped else next(updated)
+        yield command
 
 
 def prediction_percent(log: Log, wire: IdentifiedWire | None = None) -> float:
@@ -119,11 +127,12 @@ def prediction_percent(log: Log, wire: IdentifiedWire | None = None) -> float:
     The model is that of `wire`, or that in the log if `wire` is None. It predicts from temperature and power alone. The
     estimate of the run is no prediction: a displacement sensor corrects it.
 
-    The result is NaN when the measurement or the prediction of any sample is missing, or the sensor was replaced.
-    DataError when no displacement can be computed.
+    The result is NaN when the measurement or the prediction of any sample is missing, or the sensor was replaced. A
+    sample that tripped does not count: it may be invalid. DataError when no displacement can be computed.
     """
+    log = log.without_trips()
     found_mm, stepped = measured_mm(log), (wire or wire_of(log)).wire_model()
-    if not np.isfinite(found_mm).all():
+    if not (found_mm.size and np.isfinite(found_mm).all()):
         return nan
     residual = (_predicted_mm(log, stepped) - found_mm) / travel_mm(stepped.model).stroke_mm
     return float(100.0 * np.sqrt(np.mean(residual**2)))

@@ -32,14 +32,15 @@ COMPLETE = 0.98
 
 
 def excitation_record(log: Log) -> ExcitationRecord:
-    """Return the columns from which a wire is identified.
+    """Return the columns from which a wire is identified, without a measurement that tripped: it may be invalid.
 
     DataError for a log of another experiment, and when a value is missing or not finite.
     """
     if log.kind is not RunKind.EXCITATION:
         raise DataError("not the log of an excitation", where=log.path, value=log.kind.value, cure=IDENTIFIABLE)
     names = [field.name for field in fields(ExcitationRecord)]
-    return ExcitationRecord(*(log.column(name) for name in names))
+    accepted = log.without_trips()
+    return ExcitationRecord(*(accepted.column(name) for name in names))
 
 
 def rig_config_of(log: Log) -> RigConfig:
@@ -77,7 +78,7 @@ def _stroke_caveats(log: Log) -> tuple[str, ...]:
     """
     if "displacement_mm" not in log.columns:
         return ()
-    displacement_mm = log.column("displacement_mm")
+    displacement_mm = log.without_trips().column("displacement_mm")
     if "data_sheet" not in log.metadata:
         return unit_caveats("displacement_mm", displacement_mm)
     length_mm = log.parsed("data_sheet", lambda sheet: float(sheet["length_mm"]))

@@ -41,6 +41,10 @@ class Command(NamedTuple):
     uses_resistance: float = 0.0
     sensor_replaced: float = 0.0
 
+    def after_trip(self) -> Command:
+        """Return the command of the measurement that trips after this command: the same, but without current."""
+        return self._replace(commanded_a=0.0, power_w=0.0 * self.power_w)  # a power that is NaN stays NaN
+
 
 class Controller(Protocol):
     """Computes one command from each measurement."""

@@ -9,12 +9,13 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from smadrive.display.ascii_text import ascii_text
 from smadrive.errors import DataError, SmadriveError, TripError
@@ -108,6 +109,16 @@ class Log:
         if self.has_checksums:
             return ()
         return (f"{self.path.name} has no checksums (smadrive {self.version} wrote none): damage would not be noticed",)
+
+    @property
+    def tripped_rows(self) -> NDArray[np.bool_]:
+        """True for each row whose measurement tripped. Logs of older versions do not hold these measurements."""
+        return self.columns.get("tripped", np.zeros_like(self.columns["time_s"])) > 0.0
+
+    def without_trips(self) -> Log:
+        """Return this log without the rows whose measurement tripped."""
+        kept = ~self.tripped_rows
+        return replace(self, columns={name: values[kept] for name, values in self.columns.items()})
 
     def column_with_gaps(self, name: str) -> FloatArray:
         """Return the named column, with NaN where nothing was measured. DataError when the log has no such column."""

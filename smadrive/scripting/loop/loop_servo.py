@@ -156,14 +156,14 @@ class LoopServo:
         return tracking_controller(self._rig.config, reference, self._wire, HysteresisInverse(self._wire.model))
 
     def _take(self, tick: Tick) -> None:
-        """Note the motions that end with this tick."""
+        """Note the motions that end with this tick. A tick that tripped ends none: the error of the run does."""
         if len(self._ticks) == MOST_TICKS:
             self._ticks.popleft()
             self._dropped += 1
         self._ticks.append(tick)
         self._ended += [MotionEnd(number, None) for number in self._samples]
         self._samples = []
-        if self._motion is None:
+        if self._motion is None or tick.tripped:
             return
         self._ended += self._motion.update(tick, self._swappable.reference_s)
         if self._motion.is_over:

@@ -202,7 +202,7 @@ class TuningSession:
 
     def _adapt(self, tick: Tick) -> None:
         live = self._state.live
-        is_heating, source = live is not None, None if live is None else live.source
+        is_heating, source = live is not None and not tick.tripped, None if live is None else live.source
         ended = self._adaptation.update(tick, self.tunings.in_force, source, is_heating=is_heating)
         if ended is not None:
             self._state.report(ended)
