@@ -45,6 +45,7 @@ class _Given(NamedTuple):
     wire: IdentifiedWire
     cycling: Cycling | None
     caveats: tuple[str, ...] = ()
+    displacement_from: DisplacementFrom | None = None
 
 
 def main(
@@ -73,7 +74,7 @@ def main(
     ] = None,
     displacement_from: Annotated[
         DisplacementFrom | None,
-        typer.Option(help="Source of the displacement, instead of that in the rig file."),
+        typer.Option(help="Source of the displacement, instead of that in the rig file or in the log of --resume."),
     ] = None,
     trace: TraceFolder = None,
     publish: Publish = None,
@@ -82,13 +83,14 @@ def main(
     """Track a displacement reference with the wire of RIG, by the inverse of its identified model.
 
     The run is simulated on the model before the wire is heated. A reference that the wire cannot follow is an error.
-    --resume takes reference, model and number of cycles from a log, and does not change this log. --smooth, --trace
-    and --log-file apply to the remaining cycles.
+    --resume takes reference, model, number of cycles and source of the displacement from a log, and does not change
+    this log. --smooth, --trace and --log-file apply to the remaining cycles.
     """
     output, warned = Output(as_json), tuple[str, ...]()
     check_output(log_file, LOG)
     config = load_rig(rig)
-    given = _resumed(resume, config, reference, model, repeat) or _given(config, reference, model, repeat)
+    given = _resumed(resume, config, reference, model, repeat, displacement_from)
+    given = given or _given(config, reference, model, repeat, displacement_from)
     if given.cycling is not None and given.cycling.continues:
         output.say(_resumed_text(given.cycling, smooth=smooth))
     rest = "" if given.cycling is None else _rest_text(rig, log_file)
@@ -107,7 +109,7 @@ def main(
                 smooth=smooth,
                 smooth_option="--smooth",
                 cycling=given.cycling,
-                displacement_from=displacement_from,
+                displacement_from=given.displacement_from,
             )
             plan = replace(plan, caveats=(*given.caveats, *plan.caveats))
             warned = plan.caveats
@@ -122,7 +124,13 @@ def main(
     _print_metrics(read_log(log_file), loop, output, warned, publication.result(), tripped=None)
 
 
-def _given(config: RigConfig, reference: str | None, model: Path | None, repeat: int | None) -> _Given:
+def _given(
+    config: RigConfig,
+    reference: str | None,
+    model: Path | None,
+    repeat: int | None,
+    displacement_from: DisplacementFrom | None,
+) -> _Given:
     """Return the experiment that reference, model and number of cycles describe. ConfigError without a reference."""
     if reference is None:
         cure = "give a CSV or a shape, or the log of a run to --resume"
@@ -131,15 +139,20 @@ def _given(config: RigConfig, reference: str | None, model: Path | None, repeat:
     given = read_reference(reference)
     check_reach(given, identified)
     if repeat is None:
-        return _Given(given, identified, None)
+        return _Given(given, identified, None, displacement_from=displacement_from)
     repeated = given.repeated(repeat, RETURN_S)
     back_s = repeated.cycle_s - given.cycle_s
     caveats = (f"the reference does not end where it begins: every cycle has a way back of {back_s:g} s",)
-    return _Given(given, identified, Cycling(repeat), caveats if back_s else ())
+    return _Given(given, identified, Cycling(repeat), caveats if back_s else (), displacement_from)
 
 
 def _resumed(
-    resume: Path | None, config: RigConfig, reference: str | None, model: Path | None, repeat: int | None
+    resume: Path | None,
+    config: RigConfig,
+    reference: str | None,
+    model: Path | None,
+    repeat: int | None,
+    displacement_from: DisplacementFrom | None,
 ) -> _Given | None:
     """Return the experiment that completes the run in the log `resume`, or None if `resume` is None.
 
@@ -152,7 +165,7 @@ def _resumed(
         if value is not None:
             what, cure = "does not go with --resume, which continues what its log holds", "leave the option out"
             raise ConfigError(what, where=option, value=value, cure=cure)
-    return _Given(*continuation_of(resume, config))
+    return _Given(*continuation_of(resume, config, displacement_from))
 
 
 def _resumed_text(cycling: Cycling, *, smooth: bool) -> str:

@@ -32,7 +32,15 @@ from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.tracking_error import measured_mm
 from smadrive.runs.run_kind import RunKind
-from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, step_of, wire_of
+from smadrive.runs.run_metadata import (
+    displacement_source_of,
+    excitation_of,
+    nominal_balance,
+    reference_of,
+    rig_config_of,
+    step_of,
+    wire_of,
+)
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import WireModel, travel_mm
 
@@ -175,7 +183,7 @@ def _tracking_controller(log: Log, wire: IdentifiedWire | None) -> Controller:
         what = "the run used a plain temperature map instead of a model, and a log does not hold this map"
         raise DataError(what, where=log.path, cure="replay it with a model: --model FILE")
     stepped = (wire or wire_of(log)).wire_model()
-    chosen = DisplacementFrom(log.metadata.get("displacement_from", DisplacementFrom.SENSOR))
+    chosen = displacement_source_of(log) or DisplacementFrom.SENSOR
     return tracking_controller(rig_config_of(log), reference_of(log), stepped, HysteresisInverse(stepped.model), chosen)
 
 

@@ -15,6 +15,7 @@ from smadrive.errors import DataError
 from smadrive.files.config import validate
 from smadrive.identification.column_units import stroke_caveats, unit_caveats
 from smadrive.identification.excitation import Excitation, ExcitationRecord
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_kind import RunKind
@@ -98,6 +99,21 @@ def reference_of(log: Log) -> Reference:
 def wire_of(log: Log) -> IdentifiedWire:
     """Return the identified wire of a run, with its heat balance. DataError when the run used no identified wire."""
     return parse_wire(log.text("wire"), f"{log.path}: wire")
+
+
+def displacement_source_of(log: Log) -> DisplacementFrom | None:
+    """Return the source of the displacement of a tracking run; None for a log that does not name it.
+
+    DataError for an unknown source.
+    """
+    if "displacement_from" not in log.metadata:
+        return None
+    source = log.metadata["displacement_from"]
+    try:
+        return DisplacementFrom(source)
+    except ValueError:
+        cure = "update smadrive"
+        raise DataError("unknown source of the displacement", where=log.path, value=source, cure=cure) from None
 
 
 def texts_of(log: Log, name: str) -> tuple[str, ...]:

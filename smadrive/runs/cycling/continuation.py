@@ -1,4 +1,4 @@
-"""The rest of a cycling run that ended early: reference, wire and remaining cycles, from the log of the previous part.
+"""The rest of a cycling run that ended early, from the log of the previous part.
 
 The log of the previous part stays unchanged. The continuation writes a log of its own.
 """
@@ -14,13 +14,14 @@ import numpy as np
 
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, DataError
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig
 from smadrive.rig.rig import Rig
 from smadrive.runs.comparison.settings import flat
 from smadrive.runs.cycling.cycles import Cycling, cycles_of, cycling_of
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_log import WIRE_FILE
-from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
+from smadrive.runs.run_metadata import displacement_source_of, reference_of, rig_config_of, wire_of
 from smadrive.wire.identified_wire import IdentifiedWire
 
 MOST_SHOWN = 2
@@ -33,19 +34,22 @@ MOST_CHARACTERS = 40
 class Continuation(NamedTuple):
     """The data for the rest of a cycling run. `reference` is one cycle, without the approach.
 
-    `caveats` holds a warning if the rig file has changed since the previous part; otherwise it is empty.
+    `caveats` has a warning for each difference from the previous part: of the rig file, and of the source of the
+    displacement. `displacement_from` is None if no source was chosen and the log names none.
     """
 
     reference: Reference
     wire: IdentifiedWire
     cycling: Cycling
     caveats: tuple[str, ...]
+    displacement_from: DisplacementFrom | None
 
 
-def continuation_of(path: Path, config: RigConfig) -> Continuation:
+def continuation_of(path: Path, config: RigConfig, chosen: DisplacementFrom | None = None) -> Continuation:
     """Return the rest of the run in the log at `path`, for the rig `config`.
 
-    DataError when the run repeats no reference, or all its cycles are done; ConfigError for a rig with another wire.
+    `chosen` is the source of the displacement, instead of the source in the log. DataError when the run repeats no
+    reference, or all its cycles are done; ConfigError for a rig with another wire.
     """
     log = read_log(path)
     cycling = cycling_of(log)
@@ -61,7 +65,9 @@ def continuation_of(path: Path, config: RigConfig) -> Continuation:
     wire = wire_of(log)
     if WIRE_FILE in log.metadata:
         wire = replace(wire, source=log.metadata[WIRE_FILE])
-    return Continuation(_one_cycle(reference_of(log)), wire, rest, _differences(log, config))
+    before = displacement_source_of(log)
+    caveats = *_differences(log, config), *_source_caveats(path, before, chosen)
+    return Continuation(_one_cycle(reference_of(log)), wire, rest, caveats, chosen or before)
 
 
 def _one_cycle(reference: Reference) -> Reference:
@@ -94,6 +100,14 @@ def _differences(log: Log, config: RigConfig) -> tuple[str, ...]:
     more = [f"and {len(texts) - MOST_SHOWN} more"] if len(texts) > MOST_SHOWN else []
     changes = "; ".join([*texts[:MOST_SHOWN], *more])
     return (f"the rig file has changed since {log.path.name}: {changes}. Press Ctrl-C if this is the wrong rig",)
+
+
+def _source_caveats(path: Path, before: DisplacementFrom | None, chosen: DisplacementFrom | None) -> tuple[str, ...]:
+    """Return one warning if another source of the displacement was chosen than before, otherwise an empty tuple."""
+    if None in (before, chosen) or before is chosen:
+        return ()
+    change = f'displacement_from is "{chosen}", in {path.name} it was "{before}"'
+    return (f"{change}: the errors of the earlier and the later cycles cannot be compared",)
 
 
 def _shown(value: str | None) -> str:

@@ -20,6 +20,7 @@ from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.shipped import configs_dir
 from smadrive.hysteresis import DuhemModel
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.continuation import continuation_of
@@ -42,7 +43,7 @@ SWING = sine(low_mm=2.0, high_mm=6.0, period_s=12.0, cycles=1.0)
 TOTAL = 4
 
 
-def run_cycles(path, ends_after_s=1e9):
+def run_cycles(path, ends_after_s=1e9, displacement_from=None):
     """Record a run of `TOTAL` cycles, interrupted after `ends_after_s`."""
 
     def watch(recorder, _duration_s):
@@ -54,7 +55,8 @@ def run_cycles(path, ends_after_s=1e9):
         return nullcontext(record)
 
     with Rig(RIG) as rig:
-        plan = plan_tracking(rig, SWING, WIRE, smooth=True, smooth_option="--smooth", cycling=Cycling(TOTAL))
+        options = {"smooth": True, "smooth_option": "--smooth", "displacement_from": displacement_from}
+        plan = plan_tracking(rig, SWING, WIRE, cycling=Cycling(TOTAL), **options)
         track(path, rig, plan, watch)
 
 
@@ -132,6 +134,21 @@ def test_resumed_run_says_which_cycles_it_does_and_that_smooth_applies(folder, t
     assert "--smooth" in line
     assert "given_reference" in read_log(log_file).metadata
     assert (folder / "traces" / "board.trace").exists() is ("--trace" in options)
+
+
+def test_resumed_run_has_the_source_of_the_displacement_of_its_log(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        run_cycles(tmp_path / "part.h5", 10.0 + 3.1 * 12.0, DisplacementFrom.NONE)
+    done = smadrive(tmp_path, "run", "in-process", "--resume", "part.h5", "-o", "rest.h5", "--smooth")
+    assert done.returncode == 0, done.stderr
+    assert read_log(tmp_path / "rest.h5").text("displacement_from") == DisplacementFrom.NONE
+
+
+def test_another_source_of_the_displacement_is_a_caveat_of_a_resumed_run(folder):
+    same = continuation_of(folder / "part.h5", RIG, DisplacementFrom.SENSOR)
+    assert (same.displacement_from, same.caveats) == (DisplacementFrom.SENSOR, ())
+    other = continuation_of(folder / "part.h5", RIG, DisplacementFrom.NONE)
+    assert (other.displacement_from, len(other.caveats)) == (DisplacementFrom.NONE, 1)
 
 
 @pytest.mark.parametrize(
