@@ -139,10 +139,11 @@ class ChangeQueue:
         if isinstance(result, BuildFailure):
             yield from self._refuse(job, result.reason)
             return
+        event = job.event_text(self._tunings)
         job.install(result, self._tunings, live, now_s)
         self._answer(job, None)
-        if job.event:
-            yield job.event
+        if event:
+            yield event
 
     def _refuse(self, job: Job, reason: str) -> Iterator[str]:
         self._answer(job, reason)

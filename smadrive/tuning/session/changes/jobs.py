@@ -50,9 +50,9 @@ class BuildTarget(NamedTuple):
 class Job(ABC):
     """One job of the change queue.
 
-    `request` is None for a job that no page requested. `event` is reported when the job is done. A job with
-    `outlives_the_loop` is done even if the loop has ended in the meantime. A job with `is_undoable` adds its tuning to
-    the history of changes.
+    `request` is None for a job that no page requested. `event` is reported when the job is done (see `event_text`). A
+    job with `outlives_the_loop` is done even if the loop has ended in the meantime. A job with `is_undoable` adds its
+    tuning to the history of changes.
     """
 
     is_undoable: ClassVar[bool] = True
@@ -70,6 +70,10 @@ class Job(ABC):
             tunings.push(built, live, now_s)
         else:
             tunings.put(built, live)
+
+    def event_text(self, tunings: Tunings) -> str:  # noqa: ARG002
+        """Return the event to report; empty without one. Called right before `install`."""
+        return self.event
 
     def replaces(self, waiting: Job) -> bool:
         """Return True if this job sets the same number as the job `waiting`, so that `waiting` can be dropped."""
@@ -119,6 +123,11 @@ class StepJob(Job):
         """Put the tuning in force, and go one change back or forward in the history."""
         super().install(built, tunings, live, now_s)
         tunings.history.move(self.step)
+
+    def event_text(self, tunings: Tunings) -> str:
+        """Return the event with the name of the change, which was perhaps still being built at the request."""
+        history = tunings.history
+        return f"undo: {history.undo_name}" if self.step < 0 else f"redo: {history.redo_name}"
 
 
 @dataclass(frozen=True)
@@ -171,8 +180,7 @@ def job_of(request: AnyRequest, tunings: Tunings, path: ReferenceLookup) -> Job:
         case Hold():
             return FollowJob(request, "holding", path=path, name=None)
         case Step(act=act):
-            changed = tunings.history.undo_name if act == "undo" else tunings.history.redo_name
-            return StepJob(request, f"{act}: {changed}", step=-1 if act == "undo" else 1)
+            return StepJob(request, step=-1 if act == "undo" else 1)
         case Recall(slot=slot):
             kept = replace(tunings.comparison.slot(slot), change=f"slot {slot}")
             return RecallJob(request, f"slot {slot} in force", tuning=kept)

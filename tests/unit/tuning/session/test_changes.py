@@ -104,6 +104,17 @@ def test_newer_value_of_a_slider_is_not_put_before_an_undo(rig):
     assert rig.status["tuning"]["shape"]["mu_heating"] == pytest.approx(91.0)
 
 
+def test_undo_and_redo_report_the_change_that_was_built_after_the_request(rig):
+    rig.do(1.0, lambda: setattr(rig.builder, "is_stopped", True))
+    rig.at(1.1, "feedback", key="closed_loop_s", value=0.5)
+    rig.at(1.2, "shape", key="mu_heating", value=90.5)
+    rig.at(1.3, "undo")
+    rig.at(1.4, "redo")
+    rig.do(2.0, lambda: setattr(rig.builder, "is_stopped", False))
+    rig.run(until_s=3.0)
+    assert [event for _, event in rig.status["events"]][-2:] == ["undo: mu_heating", "redo: mu_heating"]
+
+
 def test_rule_change_outside_the_certificate_is_refused(ruled_rig):
     good = ruled_rig.at(1.0, "rule", index=7, direction=1, a=-0.2, b=0.19)
     expanding = ruled_rig.at(1.5, "rule", index=7, direction=1, a=0.2, b=0.1)
