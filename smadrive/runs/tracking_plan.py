@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from smadrive.control.feasibility import Feasibility, simulate_run
+from smadrive.control.feasibility.feasibility import Feasibility
+from smadrive.control.feasibility.simulation import simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.holding import APPROACH_S, resting_mm
 from smadrive.control.references.limits import check_rig_limits
@@ -123,26 +124,30 @@ def plan_tracking(
     """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
 
     With `cycling` the reference is repeated. If the wire cannot follow `given` and `smooth` is True, the run tracks the
-    nearest reference. If `smooth` is False, ConfigError names `smooth_option`, the option of the user that sets
-    `smooth`. `displacement_from` replaces the source of the displacement in the rig file. A reference outside the
-    temperature or displacement limits of the rig is a ConfigError, too.
+    nearest reference; ConfigError if the wire cannot follow its cycles either. If `smooth` is False, ConfigError names
+    `smooth_option`, the option of the user that sets `smooth`. `displacement_from` replaces the source of the
+    displacement in the rig file. A reference outside the temperature or displacement limits of the rig is a
+    ConfigError, too.
     """
     wire = identified.wire_model(rig.nominal_balance)
     chosen, limits = displacement_from or rig.config.displacement_from, rig.config.limits
     limit_c = limits.temperature_max_c
     check_rig_limits(given.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
     with _caveats_noted(identified):
-        start, given = _start(rig, given, wire, chosen)
-        simulated = _simulated(rig, given, wire, start)
-        simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option)
+        start, once = _start(rig, given, wire, chosen)
+        given = once if cycling is None else once.repeated(cycling.remaining, RETURN_S)
+        simulated = followed = _simulated(rig, given, wire, start)
+        way_back_s = given.cycle_s - once.cycle_s
+        simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option, way_back_s=way_back_s)
         nearest = simulated.nearest
-        if cycling is not None:
-            given, nearest = (one.repeated(cycling.remaining, RETURN_S) for one in (given, nearest))
-            _simulated(rig, nearest, wire, start).check(limit_c, smooth=smooth, smooth_option=smooth_option)
+        if cycling is not None and not simulated.feasible:
+            followed = _simulated(rig, nearest, wire, start)
+            followed.check_smoothed()
+            followed.check(limit_c, smooth=smooth, smooth_option=smooth_option)
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
     sensing = rig.check_sensing(wire, chosen, start.temperature_c)
-    of_the_model = *_caveats_of(identified), *_memory_caveats(identified, simulated)
-    held_back = derating_caveats(simulated.hottest_c, limit_c)
+    of_the_model = *_caveats_of(identified), *_memory_caveats(identified, followed)
+    held_back = derating_caveats(followed.hottest_c, limit_c)
     caveats = *simulated.caveats, *held_back, *of_the_model, *not_adapted, *sensing
     from_record = wire_file_of(identified), expected_of(identified)
     return PlannedTracking(given, nearest, wire, caveats, cycling, chosen, *from_record)

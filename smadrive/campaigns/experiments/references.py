@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from smadrive.campaigns.plan.config import ReferenceConfig
-from smadrive.control.feasibility import simulate_run
+from smadrive.control.feasibility.simulation import simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.holding import APPROACH_S
 from smadrive.control.references.limits import check_rig_limits

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from smadrive.control.controllers.tracking_feedback import TrackingSettings
-from smadrive.control.feasibility import REASONS, simulate_run
+from smadrive.control.feasibility.feasibility import REASONS
+from smadrive.control.feasibility.simulation import simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.reference import CLOSED_MM, Reference
 from smadrive.control.references.shapes import parse_reference
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
@@ -145,3 +147,51 @@ def test_wire_that_is_still_hot_before_the_reference_should_cool_first():
         found.check(temperature_max_c=135.0, smooth=False, smooth_option=OPTION)
     assert "cool" in error.value.cure
     assert "slow" not in error.value.cure
+
+
+THICK = WireModel(LOOP, replace(WIRE.balance, heat_capacity_j_per_k=4 * 0.029, latent_heat_j=4 * 0.83))
+"""A wire that cools more slowly than the way back of a repeated reference."""
+
+STEPS = Reference.from_samples([0.0, 10.0, 10.1, 20.0, 20.1, 30.0], [2.0, 2.0, 8.0, 8.0, 2.0, 2.0])
+
+
+def repeated(reference, wire, *, smoothed=False):
+    """Simulate five cycles of a reference from the cold wire; `smoothed`: of its nearest reference."""
+    start = WireState(22.0, LOOP.initial_state(22.0))
+    given = reference.with_approach(0.0, 10.0).repeated(5, 10.0)
+    found = simulate_run(given, wire, HysteresisInverse(LOOP), SETTINGS, start)
+    if not smoothed:
+        return given, found
+    return given, simulate_run(found.nearest, wire, HysteresisInverse(LOOP), SETTINGS, start)
+
+
+def test_way_back_that_the_wire_cannot_follow_is_not_cured_by_slowing_the_reference_down():
+    ramp = Reference.from_samples([0.0, 60.0], [1.0, 10.0])
+    given, found = repeated(ramp, THICK)
+    assert (found.feasible, found.limit) == (False, "cooling")
+    with pytest.raises(ConfigError) as error:
+        found.check(135.0, smooth=False, smooth_option=OPTION, way_back_s=given.cycle_s - ramp.cycle_s)
+    assert "10 s" in error.value.cure
+    assert "times" not in error.value.cure
+
+
+@pytest.mark.parametrize(
+    ("reference", "wire"), [(Reference.from_samples([0.0, 60.0], [1.0, 10.0]), THICK), (STEPS, WIRE)]
+)
+def test_smoothed_cycles_are_as_long_as_the_given_ones_and_feasible(reference, wire):
+    given, found = repeated(reference, wire)
+    assert not found.feasible
+    nearest = found.nearest
+    assert (nearest.repeats, nearest.cycle_s) == (5, pytest.approx(given.cycle_s))
+    assert nearest.value_mm(nearest.scored_from_s) == pytest.approx(nearest.displacement_mm[-1], abs=CLOSED_MM)
+    _, again = repeated(reference, wire, smoothed=True)
+    assert again.shortfall_mm < 0.025 * again.stroke_mm
+    again.check_smoothed()
+
+
+def test_cycles_that_are_too_fast_also_when_smoothed_are_rejected():
+    fast = parse_reference("trapezoid:low_mm=1,high_mm=10,rise_s=2,dwell_s=3,cycles=1")
+    _, again = repeated(fast, THICK, smoothed=True)
+    with pytest.raises(ConfigError) as error:
+        again.check_smoothed()
+    assert error.value.where == "reference"

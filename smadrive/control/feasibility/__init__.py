@@ -1,0 +1,1 @@
+"""Before a run: can the wire follow the reference?"""

@@ -1,0 +1,38 @@
+"""The plan of a run with cycles: what the wire cannot follow is smoothed or refused before the heat."""
+
+import pytest
+
+from smadrive.control.references.reference import Reference
+from smadrive.control.references.shapes import sine
+from smadrive.errors import ConfigError
+from smadrive.hysteresis import DuhemModel
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.cycling.cycles import Cycling
+from smadrive.runs.tracking_plan import plan_tracking
+from smadrive.wire.identified_wire import IdentifiedWire
+
+WIRE = IdentifiedWire(
+    DuhemModel.gaussian(
+        mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
+    ),
+    None,
+)
+STEPS = Reference.from_samples([0.0, 10.0, 10.1, 20.0, 20.1, 30.0], [2.0, 2.0, 8.0, 8.0, 2.0, 2.0])
+
+
+def planned(reference, cycles):
+    with Rig(load_rig("in-process")) as rig:
+        return plan_tracking(rig, reference, WIRE, smooth=True, smooth_option="--smooth", cycling=Cycling(cycles))
+
+
+def test_smoothed_reference_that_is_closed_is_repeated_without_a_way_back():
+    plan = planned(STEPS, 4)
+    assert plan.nearest is not plan.given
+    assert (plan.nearest.repeats, plan.nearest.cycle_s) == (4, pytest.approx(STEPS.duration_s))
+
+
+def test_cycles_that_the_wire_cannot_follow_even_smoothed_are_refused():
+    with pytest.raises(ConfigError) as error:
+        planned(sine(low_mm=1.0, high_mm=11.0, period_s=2.0, cycles=1.0), 4)
+    assert error.value.where == "reference"
