@@ -14,7 +14,7 @@ from smadrive.control.feasibility.feasibility import Feasibility
 from smadrive.control.feasibility.simulation import simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.holding import APPROACH_S, resting_mm
-from smadrive.control.references.limits import check_rig_limits
+from smadrive.control.references.limits import check_end, check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import TSFuzzyPreisach
@@ -123,7 +123,8 @@ def plan_tracking(
 ) -> PlannedTracking:
     """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
 
-    With `cycling` the reference is repeated. If the wire cannot follow `given` and `smooth` is True, the run tracks the
+    With `cycling` the reference is repeated. A reference that is repeated already runs with all its cycles, and one
+    without an end is a ConfigError. If the wire cannot follow `given` and `smooth` is True, the run tracks the
     nearest reference; ConfigError if the wire cannot follow its cycles either. If `smooth` is False, ConfigError names
     `smooth_option`, the option of the user that sets `smooth`. `displacement_from` replaces the source of the
     displacement in the rig file. A reference outside the temperature or displacement limits of the rig is a
@@ -135,7 +136,11 @@ def plan_tracking(
     check_rig_limits(given.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
     with _caveats_noted(identified):
         start, once = _start(rig, given, wire, chosen)
-        given = once if cycling is None else once.repeated(cycling.remaining, RETURN_S)
+        if cycling is None:
+            given, cycling = once, Cycling(once.repeats) if once.repeats > 1 else None
+        else:
+            given = once.repeated(cycling.remaining, RETURN_S)
+        check_end(given.duration_s)
         simulated = followed = _simulated(rig, given, wire, start)
         way_back_s = given.cycle_s - once.cycle_s
         simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option, way_back_s=way_back_s)

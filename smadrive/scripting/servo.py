@@ -8,14 +8,14 @@ import time
 from collections.abc import Callable
 from functools import cached_property
 from itertools import count
-from math import isfinite
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from smadrive.control.loop import Tick, TickHandler
+from smadrive.control.references.limits import check_end
 from smadrive.control.references.reference import Reference
-from smadrive.errors import ConfigError, MotionError
+from smadrive.errors import MotionError
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
 from smadrive.rig.config import LimitsConfig
@@ -158,8 +158,7 @@ class Servo:
         ConfigError for a reference that leaves the travel or exceeds a displacement limit of the rig, or has no end.
         """
         check_reference_within(reference, self._wire, self._rig_limits)
-        if not isfinite(reference.duration_s):
-            raise ConfigError("has no end", where="reference", cure="give it a number of cycles")
+        check_end(reference.duration_s)
         begun_number, approach = self._motion("approach to the reference")
         return approach, self._command("reference", lambda number: FollowCommand(number, begun_number, reference))
 

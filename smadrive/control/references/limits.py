@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import isfinite
+
 from smadrive.errors import ConfigError, DataError
 from smadrive.numerics.arrays import FloatArray
 
@@ -58,6 +60,12 @@ def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONG
     most = longest_s / TABLE_STEP_S
     if pieces > most:
         raise DataError("too many samples", where=WHERE, value=pieces, limit=most, cure="lower the number of samples")
+
+
+def check_end(duration_s: float) -> None:
+    """Raise ConfigError for a reference that lasts for ever."""
+    if not isfinite(duration_s):
+        raise ConfigError("has no end", where=WHERE, cure="give it a number of cycles")
 
 
 def check_rig_limits(scored_mm: FloatArray, low_mm: float | None, high_mm: float | None) -> None:

@@ -203,16 +203,19 @@ class Reference:
 
         If its ends differ, each cycle ends with a smooth way back that lasts `return_s`.
 
-        ConfigError unless `repeats` is a whole number above 0. DataError when all cycles together last longer than
-        `LONGEST_REPEATED_S`.
+        ConfigError unless `repeats` is a whole number above 0, and for a reference that is repeated already. DataError
+        when all cycles together last longer than `LONGEST_REPEATED_S`.
         """
         whole_number(repeats, "repeats", "cycles", 1)
+        if self.repeats > 1:
+            cure = "repeat the reference of one cycle"
+            raise ConfigError("is repeated already", where=WHERE, value=f"{self.repeats} cycles", cure=cure)
         cycles = replace(self.without_end(return_s), endless=False, repeats=repeats)
         check_length(cycles.duration_s, longest_s=LONGEST_REPEATED_S)
         return cycles
 
     def with_approach(self, from_mm: float, approach_s: float) -> Reference:
-        """Return the table of this reference after a minimum-jerk approach, as a reference that runs once.
+        """Return this reference with all its cycles after a minimum-jerk approach.
 
         The approach begins at the displacement `from_mm` and lasts `approach_s`. Without a duration above 0, the result
         is this reference itself.
@@ -221,10 +224,11 @@ class Reference:
             return self
         path_mm = _minimum_jerk(from_mm, float(self.displacement_mm[0]), approach_s)
         times_s = np.linspace(0.0, approach_s, path_mm.size)
-        return Reference(
-            np.concatenate((times_s[:-1], approach_s + self.times_s)),
-            np.concatenate((path_mm[:-1], self.displacement_mm)),
-            scored_from_s=approach_s,
+        return replace(
+            self,
+            times_s=np.concatenate((times_s[:-1], approach_s + self.times_s)),
+            displacement_mm=np.concatenate((path_mm[:-1], self.displacement_mm)),
+            scored_from_s=approach_s + self.scored_from_s,
         )
 
 

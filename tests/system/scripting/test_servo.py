@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import smadrive
+from smadrive.control.references.holding import APPROACH_S
 from smadrive.errors import ConfigError, MotionError, SafetyError, TripError
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
@@ -120,6 +121,13 @@ def test_displacement_beyond_a_limit_of_the_rig_is_refused_before_the_wire_moves
 def test_endless_reference_is_refused(servo):
     with pytest.raises(ConfigError):
         servo.follow(smadrive.sine(low_mm=3, high_mm=7, period_s=20).without_end(1.0))
+
+
+def test_repeated_reference_is_followed_with_all_its_cycles(servo):
+    swing = smadrive.sine(low_mm=3, high_mm=4, period_s=10, cycles=1)
+    _, tracking = servo.follow(swing.repeated(3, 1.0))
+    tracking.wait()
+    assert servo.tick.time_s == pytest.approx(APPROACH_S + 30.0, abs=0.5)
 
 
 def test_rig_is_busy_while_a_servo_runs(rig, servo):

@@ -95,6 +95,18 @@ def test_approach_is_smooth_and_not_scored():
     assert np.all(np.diff([reference.value_mm(t) for t in times]) >= 0)
 
 
+def test_approach_keeps_all_cycles_and_leaves_an_earlier_approach_unscored():
+    cycle = Reference.from_samples([0.0, 5.0, 10.0], [1.0, 5.0, 1.0])
+    repeated = cycle.repeated(5, 10.0).with_approach(0.0, 4.0)
+    assert (repeated.repeats, repeated.cycle_s, repeated.duration_s) == (5, 10.0, 54.0)
+    assert repeated.value_mm(4.0 + 10.0 * 3 + 5.0) == pytest.approx(5.0)
+    again = repeated.with_approach(0.0, 6.0)
+    assert (again.scored_from_s, again.cycle_s, again.duration_s) == (10.0, 10.0, 60.0)
+    assert cycle.without_end(10.0).with_approach(0.0, 4.0).duration_s == math.inf
+    with pytest.raises(ConfigError):
+        repeated.repeated(2, 10.0)
+
+
 SINE_KEYS = "low_mm=, high_mm=, period_s=, cycles= (optional: 2)"
 
 

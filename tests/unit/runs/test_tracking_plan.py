@@ -2,6 +2,7 @@
 
 import pytest
 
+from smadrive.control.references.holding import APPROACH_S
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
@@ -21,9 +22,10 @@ WIRE = IdentifiedWire(
 STEPS = Reference.from_samples([0.0, 10.0, 10.1, 20.0, 20.1, 30.0], [2.0, 2.0, 8.0, 8.0, 2.0, 2.0])
 
 
-def planned(reference, cycles):
+def planned(reference, cycles=None):
+    cycling = None if cycles is None else Cycling(cycles)
     with Rig(load_rig("in-process")) as rig:
-        return plan_tracking(rig, reference, WIRE, smooth=True, smooth_option="--smooth", cycling=Cycling(cycles))
+        return plan_tracking(rig, reference, WIRE, smooth=True, smooth_option="--smooth", cycling=cycling)
 
 
 def test_smoothed_reference_that_is_closed_is_repeated_without_a_way_back():
@@ -36,3 +38,20 @@ def test_cycles_that_the_wire_cannot_follow_even_smoothed_are_refused():
     with pytest.raises(ConfigError) as error:
         planned(sine(low_mm=1.0, high_mm=11.0, period_s=2.0, cycles=1.0), 4)
     assert error.value.where == "reference"
+
+
+def test_reference_that_is_repeated_already_runs_with_all_its_cycles():
+    swing = sine(low_mm=2.0, high_mm=6.0, period_s=12.0, cycles=1.0)
+    plan = planned(swing.repeated(5, 10.0))
+    assert plan.cycling == Cycling(5)
+    assert plan.nearest.duration_s == pytest.approx(APPROACH_S + 5 * 12.0)
+    assert planned(STEPS.repeated(3, 10.0)).nearest.repeats == 3
+    with pytest.raises(ConfigError):
+        planned(swing.repeated(5, 10.0), 2)
+
+
+def test_reference_without_an_end_is_refused():
+    with pytest.raises(ConfigError) as error:
+        planned(STEPS.without_end(10.0))
+    assert error.value.where == "reference"
+    assert planned(STEPS.without_end(10.0), 2).nearest.repeats == 2
