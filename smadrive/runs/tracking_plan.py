@@ -13,13 +13,13 @@ from pathlib import Path
 from smadrive.control.feasibility.feasibility import Feasibility
 from smadrive.control.feasibility.simulation import simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
-from smadrive.control.references.holding import APPROACH_S, resting_mm
+from smadrive.control.references.holding import APPROACH_S, resting_caveats, resting_mm
 from smadrive.control.references.limits import check_end, check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import TSFuzzyPreisach
 from smadrive.hysteresis.turning_points import MOST_TURNS
-from smadrive.measurement import DisplacementFrom
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.config_checks import derating_caveats
 from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
@@ -135,7 +135,8 @@ def plan_tracking(
     limit_c = limits.temperature_max_c
     check_rig_limits(given.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
     with _caveats_noted(identified):
-        start, once = _start(rig, given, wire, chosen)
+        measured = rig.measure()
+        start, once = _start(rig, measured, given, wire, chosen)
         if cycling is None:
             given, cycling = once, Cycling(once.repeats) if once.repeats > 1 else None
         else:
@@ -150,7 +151,7 @@ def plan_tracking(
             followed.check_smoothed()
             followed.check(limit_c, smooth=smooth, smooth_option=smooth_option)
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
-    sensing = rig.check_sensing(wire, chosen, start.temperature_c)
+    sensing = *rig.check_sensing(wire, chosen, start.temperature_c), *resting_caveats(wire.model, measured, chosen)
     of_the_model = *_caveats_of(identified), *_memory_caveats(identified, followed)
     held_back = derating_caveats(followed.hottest_c, limit_c)
     caveats = *simulated.caveats, *held_back, *of_the_model, *not_adapted, *sensing
@@ -159,10 +160,9 @@ def plan_tracking(
 
 
 def _start(
-    rig: Rig, given: Reference, wire: WireModel, displacement_from: DisplacementFrom
+    rig: Rig, measured: Measurement, given: Reference, wire: WireModel, displacement_from: DisplacementFrom
 ) -> tuple[WireState, Reference]:
-    """Return the present state of the wire, and `given` with the approach from this state."""
-    measured = rig.measure()
+    """Return the state of the wire that was measured, and `given` with the approach from this state."""
     check_thermocouple(measured)
     start_mm = resting_mm(wire.model, measured, displacement_from)
     rig.check_balance(wire.balance)

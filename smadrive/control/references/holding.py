@@ -7,13 +7,19 @@ from __future__ import annotations
 
 from math import isfinite
 
+import numpy as np
+
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.safety.displacement_band import DisplacementBand
+from smadrive.wire.wire_model import travel_mm
 
 APPROACH_S = 10.0
 """Duration of an approach, in which the setpoint moves from its present value to the beginning of a reference."""
+
+UNSURE = 0.03
+"""Smallest distance of the two branches at a temperature, in strokes, at which a displacement needs a caveat."""
 
 PEAK = 1.875
 """Greatest speed of a minimum-jerk path, 15/8 of its mean speed."""
@@ -32,6 +38,24 @@ def resting_mm(model: HysteresisModel, measurement: Measurement, source: Displac
     if source is DisplacementFrom.SENSOR and isfinite(measurement.displacement_mm):
         return measurement.displacement_mm
     return model.initial_state(measurement.temperature_c).y
+
+
+def resting_caveats(model: HysteresisModel, measurement: Measurement, source: DisplacementFrom) -> tuple[str, ...]:
+    """Return a caveat if `resting_mm` may be wrong because nothing measures the displacement of a warm wire.
+
+    The wire is on the cooling branch if it still cools, and `resting_mm` assumes the heating branch. A resistance
+    measures the displacement as soon as current flows, so there is no caveat if it is the source.
+    """
+    is_measured = source is DisplacementFrom.SENSOR and isfinite(measurement.displacement_mm)
+    if is_measured or source is DisplacementFrom.RESISTANCE:
+        return ()
+    at_c = np.array([measurement.temperature_c])
+    heating, cooling = (float(model.branch(at_c, rising=rising)[0]) for rising in (True, False))
+    wrong_mm = abs(model.scale * (cooling - heating))
+    if not wrong_mm > UNSURE * travel_mm(model).stroke_mm:
+        return ()
+    warm = f"the wire is still at {measurement.temperature_c:.0f} °C, and its displacement is not measured"
+    return (f"{warm}: the displacement at the start may be wrong by up to {wrong_mm:.2g} mm; let the wire cool first",)
 
 
 def holding_reference(model: HysteresisModel, measurement: Measurement, source: DisplacementFrom) -> Reference:

@@ -20,7 +20,12 @@ from smadrive.control.controllers.swappable import SwappableController
 from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.loop import Tick, TickHandler
-from smadrive.control.references.holding import APPROACH_S, holding_reference, moving_reference
+from smadrive.control.references.holding import (
+    APPROACH_S,
+    holding_reference,
+    moving_reference,
+    resting_caveats,
+)
 from smadrive.control.references.reference import Reference
 from smadrive.measurement import Measurement
 from smadrive.rig.controllers import tracking_controller
@@ -85,7 +90,8 @@ class LoopServo:
         measurement = rig.measure()
         check_thermocouple(measurement)
         source = rig.config.displacement_from
-        self._warnings = rig.check_sensing(self._wire, source, measurement.temperature_c)
+        sensing = rig.check_sensing(self._wire, source, measurement.temperature_c)
+        self._warnings = *sensing, *resting_caveats(wire.model, measurement, source)
         reference = holding_reference(wire.model, measurement, source)
         self._swappable = SwappableController(self._controller(reference), reference, lambda: None)
 

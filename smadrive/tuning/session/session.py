@@ -14,7 +14,7 @@ from contextlib import suppress
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.swappable import SwappableController
 from smadrive.control.loop import Tick, TickHandler
-from smadrive.control.references.holding import holding_reference
+from smadrive.control.references.holding import holding_reference, resting_caveats
 from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError, SmadriveError
 from smadrive.measurement import Measurement
@@ -163,6 +163,7 @@ class TuningSession:
         tuning = self.tunings.in_force
         wire, source = self._wire.wire_model(tuning.model), tuning.displacement_from
         self._state.warn(self._rig.check_sensing(wire, source, measurement.temperature_c))
+        self._state.warn(resting_caveats(tuning.model, measurement, source))
         reference = holding_reference(tuning.model, measurement, source)
         controller = tuned_controller(tuning, reference, self._rig.config, self._wire)
         return SwappableController(controller, reference, self._serve)

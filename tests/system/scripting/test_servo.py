@@ -232,6 +232,16 @@ def blind():
     return config.model_copy(update={"devices": (board,), "displacement_from": DisplacementFrom.RESISTANCE})
 
 
+def test_servo_warns_of_a_warm_wire_whose_displacement_is_unknown(wire, tmp_path):
+    config, counts = load_rig("in-process").model_copy(update={"displacement_from": DisplacementFrom.NONE}), []
+    with smadrive.open_rig(config) as rig:
+        for name in ("cold.h5", "warm.h5"):
+            with rig.servo(wire, tmp_path / name) as servo:
+                servo.move(8.0, tolerance_mm=1.0).wait()
+            counts.append(sum(event.message.startswith("warning: ") for event in servo.run.log.events))
+    assert counts == [0, 1]
+
+
 @pytest.mark.exhaustive
 def test_servo_takes_the_displacement_from_the_resistance(blind, wire, tmp_path):
     with smadrive.open_rig(blind) as rig, rig.servo(wire, tmp_path / "servo.h5") as servo:

@@ -2,12 +2,15 @@
 
 import pytest
 
+from smadrive.control.controllers.step import ManualStep
 from smadrive.control.references.holding import APPROACH_S
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
+from smadrive.rig.controllers import step_controller
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.cycles import Cycling
 from smadrive.runs.tracking_plan import plan_tracking
@@ -20,6 +23,9 @@ WIRE = IdentifiedWire(
     None,
 )
 STEPS = Reference.from_samples([0.0, 10.0, 10.1, 20.0, 20.1, 30.0], [2.0, 2.0, 8.0, 8.0, 2.0, 2.0])
+
+SLOW = sine(low_mm=2.0, high_mm=6.0, period_s=60.0, cycles=1.0)
+WARM = ManualStep(None, 78.0, 20.0)
 
 
 def planned(reference, cycles=None):
@@ -55,3 +61,13 @@ def test_reference_without_an_end_is_refused():
         planned(STEPS.without_end(10.0))
     assert error.value.where == "reference"
     assert planned(STEPS.without_end(10.0), 2).nearest.repeats == 2
+
+
+def test_run_from_a_warm_wire_without_a_measured_displacement_has_a_caveat():
+    counts = []
+    with Rig(load_rig("in-process")) as rig:
+        for _ in range(2):
+            options = {"smooth": True, "smooth_option": "--smooth", "displacement_from": DisplacementFrom.NONE}
+            counts.append(len(plan_tracking(rig, SLOW, WIRE, **options).caveats))
+            rig.drive(step_controller(rig.config, WARM, rig.nominal_balance), rig.nominal_balance, lambda _tick: None)
+    assert counts[1] == counts[0] + 1

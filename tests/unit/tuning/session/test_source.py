@@ -122,6 +122,18 @@ def test_resistance_checks_the_thermocouple_from_the_change_to_it(rig):
     assert max(wire_c for _, wire_c, _ in rig.wire) < load_rig("in-process").limits.temperature_max_c
 
 
+def test_arm_warns_of_a_warm_wire_whose_displacement_is_unknown(rig):
+    with_resistance(rig, displacement_from=DisplacementFrom.NONE)
+    tracked(rig)
+    rig.do(20.0, rig.page.request_off)
+    rig.at(21.0, "arm")
+    counts = []
+    for time_s in (19.5, 21.9):
+        rig.do(time_s, lambda: counts.append(sum(event.startswith("warning: ") for event in events(rig))))
+    rig.run(until_s=22.0)
+    assert counts[1] == counts[0] + 1
+
+
 def test_every_change_keeps_the_source_and_undo_takes_its_choice_back(resistive_rig):
     rig = tracked(resistive_rig)
     choose(rig, 13.0, "resistance")
