@@ -15,7 +15,7 @@ from smadrive.clock import Clock
 from smadrive.devices.calibration import UNCORRECTED, Corrections
 from smadrive.devices.guardian.client import GuardianClient
 from smadrive.devices.heating.heat_source import HeaterLimits, HeatSource, Sample, Supplied
-from smadrive.devices.heating.zero_current import wait_for_zero_current
+from smadrive.devices.heating.zero_current import confirm_off
 from smadrive.devices.sensor import PolledSensor
 from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import ConfigError, ProtocolError, SafetyError, TakenOverError, UnknownCurrentError
@@ -171,8 +171,7 @@ class Heater:
 
     def _switch_off(self) -> None:
         """Switch off, confirmed by read-back, and wait until no current flows."""
-        self.source.enter_safe_state()
-        wait_for_zero_current(self.source, self.limits.current_max_a, self._clock)
+        confirm_off(self.source, self.limits.current_max_a, self._clock)
 
     def _switch_off_under(self, guard: GuardianClient) -> None:
         """Switch off. The guardian watches until no current flows, and switches off if the driver stands still."""

@@ -131,8 +131,7 @@ class TCLabBoard:
             )
 
     def enter_safe_state(self) -> None:
-        """Switch both heaters off, confirmed by read-back; see `retry_all`."""
-        self.check_identity()
+        """Switch both heaters off, confirmed by read-back; see `retry_all`. Each step first proves the identity."""
         retry_all([partial(self._switch_off, heater) for heater in (1, 2)], self.clock)
 
     def _switch_off(self, heater: int) -> None:

@@ -17,6 +17,16 @@ CURRENT_GONE_S = 0.2
 LOOK_AGAIN_S = 0.05
 
 
+def confirm_off(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
+    """Switch `source` off, wait until no current flows, and return its last measurements. Raises what both steps raise.
+
+    The identity is proved within the repeated steps of the safe state: a check before them would give up after one
+    damaged reply, with the heater on.
+    """
+    source.enter_safe_state()
+    return wait_for_zero_current(source, current_max_a, clock)
+
+
 def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
     """Wait until no current flows from `source`, and return its last measurements.
 

@@ -19,7 +19,7 @@ from functools import partial
 from smadrive.clock import Clock
 from smadrive.devices.guardian.duty import relieve, waiting_duties
 from smadrive.devices.heating.heat_source import HeatSource, Supplied
-from smadrive.devices.heating.zero_current import wait_for_zero_current
+from smadrive.devices.heating.zero_current import confirm_off, wait_for_zero_current
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import DeviceKey, Match
 from smadrive.devices.state.latch import TripLatch
@@ -167,9 +167,8 @@ def _confirm_off(source: HeatSource, current_max_a: float, clock: Clock, *, clea
 
     If the current is unknown, a latched fault may be the reason. With `clear_faults` it is cleared, and tried again.
     """
-    source.connect()
     try:
-        return wait_for_zero_current(source, current_max_a, clock)
+        return confirm_off(source, current_max_a, clock)
     except UnknownCurrentError:
         if not clear_faults:
             raise
@@ -183,7 +182,6 @@ def _enter_safe_state(device: PlannedDevice, connections: Connections) -> str:
     Such a device may be a temperature controller, which heats something else.
     """
     opened = connections.device(device)
-    opened.check_identity()
     opened.enter_safe_state()
     return device.name
 

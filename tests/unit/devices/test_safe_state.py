@@ -5,11 +5,17 @@ from functools import partial
 
 import pytest
 
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from smadrive.clock import VirtualClock
 from smadrive.devices.device import Device
 from smadrive.devices.heater import Heater
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
-from smadrive.devices.heating.zero_current import wait_for_zero_current
+from smadrive.devices.heating.supply import BenchSupply
+from smadrive.devices.heating.tclab import TCLab
+from smadrive.devices.heating.tclab_board import TCLabBoard
+from smadrive.devices.heating.zero_current import confirm_off, wait_for_zero_current
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.retry import PAUSES_S, retry_all
 from smadrive.errors import DeadlineError, SafetyError, TakenOverError
@@ -90,3 +96,37 @@ def test_silent_device_raises_its_first_error(hot, rig):
     rig.faults.drop(10_000)
     with pytest.raises(DeadlineError):
         hot.enter_safe_state()
+
+
+BUS_FAULTS = {
+    "device busy": lambda faults: faults.refuse(code=6),
+    "no reply behind the gateway": lambda faults: faults.refuse(code=11),
+    "three damaged replies": lambda faults: faults.corrupt(replies=3),
+}
+
+
+@pytest.mark.parametrize("begin", BUS_FAULTS.values(), ids=BUS_FAULTS)
+def test_failed_first_reading_of_the_identity_does_not_keep_a_supply_on(begin):
+    supply, clock = simulated_device(load_sim("flexinol-lt-0.15mm"), 1, load_profile("riden-rd60xx")), VirtualClock()
+    clock.follow(supply.bench.advance_to)
+    before = Device(load_profile("riden-rd60xx"), ModbusClient(supply.transport(clock)))
+    for name, value in (("v_set", 5.0), ("i_set", 0.3), ("output", 1)):
+        before.write(name, value)
+    clock.sleep_until(clock.now_s() + 1.0)
+    assert supply.firmware.current_a > 0.1
+    source = BenchSupply(Device(load_profile("riden-rd60xx"), ModbusClient(supply.transport(clock))))
+    begin(supply.faults)
+    assert not confirm_off(source, 0.4, clock).armed
+    assert supply.firmware.current_a == 0.0
+
+
+def test_damaged_banner_does_not_keep_a_tclab_on():
+    profile = load_profile("tclab")
+    board, clock = simulated_device(load_sim("flexinol-lt-0.15mm"), 1, profile), VirtualClock()
+    clock.follow(board.bench.advance_to)
+    clock.sleep_until(3.0)
+    board.firmware.duty = {"Q1": 30.0, "Q2": 40.0}
+    source = TCLab(TCLabBoard(profile, board.transport(clock)), full_scale_a=1.0, full_scale_v=16.5)
+    board.faults.drop(for_s=profile.timing.patience_s + 1.0)
+    confirm_off(source, 0.6, clock)
+    assert board.firmware.duty == {"Q1": 0.0, "Q2": 0.0}
