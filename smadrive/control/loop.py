@@ -10,7 +10,7 @@ After such a request the loop commands no more current, even if the device does 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isfinite, nan
 from typing import NamedTuple, Protocol
 
@@ -26,7 +26,7 @@ from smadrive.errors import (
 )
 from smadrive.measurement import Measurement
 from smadrive.safety.faults import Fault, Trip
-from smadrive.safety.shutdown import ends_safe
+from smadrive.safety.shutdown import NOT_TRIED, carry, ends_safe, shut_down
 from smadrive.safety.supervisor import Supervisor
 
 LATE_FRACTION = 0.5
@@ -102,8 +102,8 @@ class ControlLoop:
 
     `record` is called with each tick; with the tick of a trip after the heater is off. After `stop_requested` has
     returned True, the loop sends only the safe state.
-    `on_trip` is called with a trip before the loop switches the heater off, because the process may be killed while it
-    switches off.
+    `on_trip` is called with a trip after one command of zero current, and before the loop switches the heater off,
+    because the process may be killed while it switches off.
     """
 
     def __init__(
@@ -229,7 +229,14 @@ class ControlLoop:
             raise self._tripped(trip)
 
     def _tripped(self, trip: Trip) -> TripError:
+        """Command zero current once, call `on_trip`, which may wait for a disk, and return the error of the trip.
+
+        The command may fail: the safe state follows in any case. After a take-over the heater sends no command. A
+        signal during the command does not replace the trip, but counts for the switching off.
+        """
         self.metrics.trips += 1
         error = trip.error()
+        outcome = shut_down(lambda: self._heater.exchange(0.0))
         self._on_trip(error)
+        carry(error, replace(NOT_TRIED, signals=outcome.signals))
         return error
