@@ -16,7 +16,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from multiprocessing import Pipe
 from typing import Any
 from weakref import WeakSet
@@ -37,6 +36,7 @@ from smadrive.scripting.loop.messages import (
     Failure,
     Result,
     RunProgress,
+    send_whole,
 )
 from smadrive.scripting.loop.servo_messages import ServoCommand, ServoReport
 from smadrive.scripting.loop.transfer import pickled
@@ -203,9 +203,9 @@ class LoopClient:
         )
 
     def _send(self, message: bytes) -> None:
-        """Send a message under a lock: a long message takes two writes, and no other thread may write between them."""
-        with self._one_message, suppress(OSError):  # the process has ended; the listening thread notices the end
-            self._connection.send_bytes(message)
+        """Send a message under a lock: a long message takes several writes, and no other thread may write between."""
+        with self._one_message:
+            send_whole(self._connection, message)
 
     def _listen(self) -> None:
         try:

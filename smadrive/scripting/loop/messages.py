@@ -6,13 +6,19 @@ The messages are pickled: both ends belong to one user and share a pair of socke
 
 from __future__ import annotations
 
+import os
+import signal
+import socket
+from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
+from smadrive.interrupts import HeldSignals
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig
 from smadrive.runs.cycling.cycles import Cycling
@@ -170,3 +176,23 @@ class Failure(NamedTuple):
 
     error: BaseException
     traceback: str
+
+
+def send_whole(connection: Connection[Any, Any], message: bytes) -> None:
+    """Send a message to the loop process. Signals are held back meanwhile, and obeyed afterwards.
+
+    After a part of a message, the loop process takes every later message, even the request to stop, for the rest of
+    this one. So an error that cuts the message all the same, such as the `ABORTS_AT`-th signal, also closes the link
+    for sending. The loop process then ends its run and itself; its replies still arrive. If the process has ended
+    already, nothing is raised.
+    """
+    with HeldSignals() as held:
+        try:
+            connection.send_bytes(message)
+        except BaseException as error:
+            with suppress(OSError), socket.socket(fileno=os.dup(connection.fileno())) as link:
+                link.shutdown(socket.SHUT_WR)
+            if not isinstance(error, OSError):
+                raise
+    for number in held.received:
+        signal.raise_signal(number)
