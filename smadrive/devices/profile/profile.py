@@ -90,6 +90,8 @@ class Profile(Section):
         refuse_ambiguity(self.variants)
         for registers in (self.registers, *(applied(self.registers, variant) for variant in self.variants)):
             self._check_registers(registers)
+        if self.profile.role in ("heater", "supply"):
+            validation.check_ends_heat(self.profile.role, self.safe_state, self.roles, self.registers)
         for golden in self.golden_frames:
             check_golden_frame(golden, self.registers)
 
@@ -207,8 +209,6 @@ class Profile(Section):
                 validation.find_register(name, self.registers, "variants.match")
         for role, bound in self.roles.model_dump(exclude_none=True).items():
             validation.find_register(bound, self.registers, f"roles.{role}")
-        if self.profile.role in ("heater", "supply") and not self.safe_state:
-            raise ValueError(f"a {self.profile.role} needs [[safe_state]], the writes that end all heating")
 
     def _check_registers(self, registers: dict[str, Register]) -> None:
         validation.refuse_overlaps(registers)

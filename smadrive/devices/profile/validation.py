@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from smadrive.devices.profile.function_codes import read_function, write_function
 from smadrive.devices.profile.register import Register
-from smadrive.devices.profile.schema import DeviceTiming, Forbidden, SafeWrite, WriteOrder
+from smadrive.devices.profile.schema import DeviceTiming, Forbidden, Roles, SafeWrite, WriteOrder
 from smadrive.errors import ConfigError
 from smadrive.files.spelling import suggestion_or_list
 
@@ -116,6 +116,22 @@ def check_safe_state(steps: tuple[SafeWrite, ...], rules: tuple[WriteOrder, ...]
                 "another write before it"
             )
         _check_value(register, step.register_, step.value, "safe_state")
+
+
+def check_ends_heat(role: str, steps: tuple[SafeWrite, ...], roles: Roles, registers: Registers) -> None:
+    """Raise ValueError if the safe state of a heat source (`role`: heater or supply) does not end all heating.
+
+    It must set the output switch and the current setting to 0, if their registers can be written. The read-back alone
+    cannot find such a mistake: it confirms whatever the profile says.
+    """
+    if not steps:
+        raise ValueError(f"a {role} needs [[safe_state]], the writes that end all heating")
+    for name in (roles.heater_enable, roles.heater_current):
+        if name is None or not registers[name].writable:
+            continue
+        values = [step.value for step in steps if step.register_ == name]
+        if not values or any(values):
+            raise ValueError(f"safe_state must set '{name}' to 0 and to no other value, to end the heating of a {role}")
 
 
 def _check_value(register: Register, name: str, value: float, key: str) -> None:

@@ -8,6 +8,8 @@ from smadrive.files.shipped import configs_dir
 
 DEVICES = configs_dir() / "devices"
 AMPERES = 'unit = "A"\naccess = "rw"'
+OUTPUT_OFF = 'register = "output"\nvalue = 0'
+CURRENT_ZERO = '[[safe_state]]\nregister = "i_set"\nvalue = 0.0\n'
 WRITABLE = 'access = "rw"\nmin = 0\nmax = 1\nevidence = "two"'
 
 
@@ -29,6 +31,16 @@ WRITABLE = 'access = "rw"\nmin = 0\nmax = 1\nevidence = "two"'
         ("riden-rd60xx", "E8 0F", "E8 0E", r"wrong CRC; the right one is E8 0F"),
         ("riden-rd60xx", "means = { output = 1 }", "means = { output = 0 }", r"output is 1.0 in these frames, not 0"),
         ("riden-rd60xx", "means = { output = 1 }", "means = { outpt = 0 }", r"unknown register 'outpt'"),
+        ("riden-rd60xx", OUTPUT_OFF, OUTPUT_OFF.replace("0", "1"), "safe_state must set 'output' to 0"),
+        ("riden-rd60xx", OUTPUT_OFF, OUTPUT_OFF.replace("output", "keypad_lock"), "safe_state must set 'output' to 0"),
+        ("juntek-dpm86xx", CURRENT_ZERO, "", "safe_state must set 'i_set' to 0"),
+        (
+            "hanmatek-hm30x",
+            CURRENT_ZERO,
+            CURRENT_ZERO + CURRENT_ZERO.replace("0.0", "0.1"),
+            "safe_state must set 'i_set' to 0",
+        ),
+        ("sma-reference", '"heater_enable"\nvalue = 0', '"heater_enable"\nvalue = 1', "must set 'heater_enable' to 0"),
         ("juntek-dpm86xx", "B7 6B", "B7 6C", "wrong CRC"),
         ("juntek-dpm86xx", "01 10 00 00 00 02 41 C8", "01 06 00 00 09 60 8F B2", "does not answer"),
         ("juntek-dpm86xx", f"scale = 0.001\n{AMPERES}", f"scale = 0.01\n{AMPERES}", "i_set is"),
