@@ -43,7 +43,10 @@ from smadrive.scripting.run import Run
 from smadrive.wire.identified_wire import IdentifiedWire
 
 STOPS_WITHIN_S = 30.0
-"""The loop process is killed if it has not ended the run after this time. All tries to switch off need less time."""
+"""The loop process is killed if it has not ended the run after this time in s.
+
+The tries to switch off a silent device take some 10 s, and the guardian needs up to 5 s more.
+"""
 
 
 class Servo:

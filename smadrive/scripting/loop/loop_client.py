@@ -47,7 +47,7 @@ LOOK_S = 0.05
 """Interval in s at which a waiting script checks for an interruption."""
 
 ENDS_WITHIN_S = 30.0
-"""The loop process is killed if it has not ended after this time in s. All tries to switch off need less time."""
+"""The loop process is killed if it has not ended after this time in s. Two tries to switch off take some 20 s."""
 
 OBEYS_WITHIN_S = 10.0
 """After `ABORTS_AT` interruptions, the loop process is killed if it still runs after this time in s."""

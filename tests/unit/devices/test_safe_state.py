@@ -17,7 +17,7 @@ from smadrive.devices.heating.tclab import TCLab
 from smadrive.devices.heating.tclab_board import TCLabBoard
 from smadrive.devices.heating.zero_current import confirm_off, wait_for_zero_current
 from smadrive.devices.profile.profile import load_profile
-from smadrive.devices.retry import PAUSES_S, retry_all
+from smadrive.devices.retry import PAUSES_S, WITHIN_S, retry_all
 from smadrive.errors import DeadlineError, SafetyError, TakenOverError
 from smadrive.modbus.client import ModbusClient
 
@@ -63,6 +63,34 @@ def test_take_over_and_interruption_end_the_attempts_at_once(clock, error):
     with pytest.raises(type(error)):
         retry_all([failing(error, counted)], clock)
     assert len(counted) == 1
+
+
+@pytest.mark.parametrize("waits_s", [0.1, 3.0, 2.0 * WITHIN_S])
+def test_silent_device_ends_the_tries_after_the_step_that_exceeds_their_time(clock, waits_s):
+    begun = []
+
+    def wait(name):
+        begun.append(name)
+        clock.sleep_until(clock.now_s() + waits_s)
+        raise DeadlineError(name)
+
+    with pytest.raises(DeadlineError) as error:
+        retry_all([partial(wait, "output"), partial(wait, "current")], clock)
+    assert begun[:2] == ["output", "current"]
+    assert clock.now_s() < max(WITHIN_S, 2 * waits_s) + waits_s + sum(PAUSES_S)
+    assert error.value.what in begun
+
+
+def test_tries_that_end_in_a_round_without_a_failure_count_as_failed(clock):
+    failures = [DeadlineError("no reply")]
+
+    def fail_once():
+        clock.sleep_until(clock.now_s() + WITHIN_S / 2)
+        if failures:
+            raise failures.pop()
+
+    with pytest.raises(DeadlineError):
+        retry_all([fail_once, fail_once], clock)
 
 
 def test_device_busy_at_the_current_check_is_asked_again(hot, rig, clock):
