@@ -74,6 +74,8 @@ class ScriptLink:
         if self._is_ending:
             raise ScriptEndedError
         message = self._requests.get()
+        if message == END:
+            raise ScriptEndedError
         self._number = int.from_bytes(message[1 : 1 + NUMBER_BYTES])
         return pickle.loads(message[1 + NUMBER_BYTES :])  # noqa: S301 (of the same user)
 
@@ -181,6 +183,7 @@ class ScriptLink:
             elif message:
                 self._requests.put(message)
         signal.pthread_kill(self._loop_thread, signal.SIGTERM)
+        self._requests.put(END)  # the signal has no effect while the heater is being switched off after a trip
 
     def _received(self) -> bytes:
         """Return the next message; END if the script has ended, b"" if no message arrived within `LOOK_S`."""
