@@ -207,7 +207,10 @@ class TripError(SafetyError):
 
 
 class TakenOverError(SafetyError):
-    """The guardian has taken over the heater because the driver stood still; the heater may not be off yet."""
+    """The guardian has taken over the heater; the heater may not be off yet.
+
+    The driver stood still, or could not switch the heater off.
+    """
 
 
 class FrontSilentError(SafetyError):

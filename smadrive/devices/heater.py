@@ -174,12 +174,19 @@ class Heater:
         confirm_off(self.source, self.limits.current_max_a, self._clock)
 
     def _switch_off_under(self, guard: GuardianClient) -> None:
-        """Switch off. The guardian watches until no current flows, and switches off if the driver stands still."""
+        """Switch off. The guardian watches until no current flows, and switches off if the driver stands still.
+
+        If the driver cannot switch off, it hands over to the guardian. When that has finished, the driver tries again.
+        """
         while True:
             guard.take_back()
             try:
                 self._switch_off()
             except TakenOverError:
+                continue
+            except Exception:
+                if not guard.hand_over():
+                    raise
                 continue
             guard.stand_down()
             return

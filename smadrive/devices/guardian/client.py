@@ -1,9 +1,4 @@
-"""The driver's client of the guardian: it starts the guardian, sends heartbeats, and ends a take-over.
-
-STANDING_BY    the guardian does not watch: nothing heats, or the source is confirmed off
-WATCHED        the guardian watches: the driver heats and sends heartbeats
-TAKEN_OVER     the driver was silent for too long, so the guardian uses the ports
-"""
+"""The driver's client of the guardian: it starts the guardian, sends heartbeats, and ends a take-over."""
 
 from __future__ import annotations
 
@@ -15,13 +10,24 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
-from enum import Enum, auto
 from types import TracebackType
 from typing import IO, Self
 from weakref import WeakSet
 
 from smadrive.devices.guardian.duty import relieve
-from smadrive.devices.guardian.task import FREE, GIVES_WAY, HEARTBEAT, READY, STAND_DOWN, TAKEN, WATCH, SharedLock, Task
+from smadrive.devices.guardian.states import REASONS, WatchState
+from smadrive.devices.guardian.task import (
+    FREE,
+    GIVES_WAY,
+    HAND_OVER,
+    HEARTBEAT,
+    READY,
+    STAND_DOWN,
+    TAKEN,
+    WATCH,
+    SharedLock,
+    Task,
+)
 from smadrive.devices.identity import Identity
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at
@@ -32,6 +38,7 @@ from smadrive.posix import released_in_children
 STARTS_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
 FREES_WITHIN_S = 5.0
+TAKES_WITHIN_S = 1.0
 PATIENCE = 2.0
 """The driver waits `PATIENCE * timeout_s` for an answer of the guardian, which takes over after `timeout_s`."""
 MANY = 4096
@@ -39,19 +46,11 @@ COMMAND = (sys.executable, "-P", "-m", "smadrive.devices.guardian.process")
 """The command that starts a guardian. With -P, no file in the working directory can replace the module."""
 
 
-class WatchState(Enum):
-    """The state of the guardian as far as the driver knows it; see the head of this file."""
-
-    STANDING_BY = auto()
-    WATCHED = auto()
-    TAKEN_OVER = auto()
-
-
 class GuardianClient:
     """A guardian process for `task`. The end of this context manager ends the guardian, unless current may still flow.
 
-    After a take-over, `give_way` is called. It must close all connections of the driver: some devices accept only one
-    connection, and the guardian may need it.
+    At a take-over or a hand-over, `give_way` is called. It must close all connections of the driver: some devices
+    accept only one connection, and the guardian may need it.
     """
 
     def __init__(self, task: Task, give_way: Callable[[], None]) -> None:
@@ -145,11 +144,8 @@ class GuardianClient:
             self._state = WatchState.TAKEN_OVER
             self._give_way()
             self._send(GIVES_WAY)
-        if self._state is WatchState.TAKEN_OVER:
-            raise TakenOverError(
-                "the guardian has taken over, because the driver stood still",
-                limit=f"{self._task.timeout_s:g} s",
-            )
+        if (reason := REASONS.get(self._state)) is not None:
+            raise TakenOverError(f"the guardian has taken over, because {reason}")
         if answer:
             self._answered_s = time.monotonic()
         self._send(HEARTBEAT)
@@ -161,12 +157,25 @@ class GuardianClient:
         if self._state is WatchState.WATCHED and (self._gone or silent_s > PATIENCE * self._task.timeout_s):
             raise _gone()
 
+    def hand_over(self) -> bool:
+        """Close the connections and let the guardian switch off, because the driver could not.
+
+        Return True if the guardian has taken over; then no heartbeat keeps it from the device, which it may find at
+        another port. Return False if it does not watch, has ended, or does not answer within `TAKES_WITHIN_S`.
+        """
+        if self._state is not WatchState.WATCHED:
+            return False
+        self._give_way()
+        if self._is_answered(HAND_OVER, TAKEN, TAKES_WITHIN_S):
+            self._state = WatchState.HANDED_OVER
+        return self._state is WatchState.HANDED_OVER
+
     def take_back(self) -> None:
-        """After a take-over, wait until the guardian has finished, and get the ports back.
+        """After a take-over or a hand-over, wait until the guardian has finished, and get the ports back.
 
         SafetyError when the guardian does not finish in time. The guardian then continues its attempts to switch off.
         """
-        if self._state is WatchState.TAKEN_OVER:
+        if self._state in REASONS:
             if not self._is_freed():
                 raise SafetyError(
                     "the guardian has taken over and could not confirm yet that the heater is off",
@@ -195,13 +204,18 @@ class GuardianClient:
 
         If the guardian process has ended, the ports are free, too.
         """
-        give_up_s = time.monotonic() + FREES_WITHIN_S
-        self._send(STAND_DOWN)
+        return self._is_answered(STAND_DOWN, FREE, FREES_WITHIN_S) or self._gone
+
+    def _is_answered(self, request: bytes, answer: bytes, within_s: float) -> bool:
+        """Send a request, and return True after the answer. Return False if none arrives, or the guardian has ended."""
+        give_up_s = time.monotonic() + within_s
+        self._send(request)
         while (left_s := give_up_s - time.monotonic()) > 0:
             select.select((self._from,), (), (), left_s)
-            answer = self._from.read(MANY)
-            if answer == b"" or FREE in (answer or b""):
-                return True
+            received = self._from.read(MANY)
+            self._gone = received == b""
+            if self._gone or answer in (received or b""):
+                return not self._gone
         return False
 
     def _send(self, signal: bytes) -> bool:

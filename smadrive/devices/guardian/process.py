@@ -5,6 +5,7 @@ this process. At every use of a port, the driver writes a byte to the guardian t
 
     w   watch: heating begins        b   heartbeat: the driver lives       r   stand down: no guardian is needed now
     g   give way: the driver has learnt of the take-over and has closed its connections
+    h   hand over: the driver could not switch off, and has closed its connections
 
 The guardian answers `w` and `b` with `e` (echo), so that the driver knows that the guardian lives. A silence of
 `timeout_s`, or the end of the pipe, means that the driver stands still or is dead. states.py has the states of the
@@ -14,6 +15,9 @@ Two clients on one line would take each other's replies for their own. So the gu
 driver through another pipe. A driver that only stood still reads `t` when it wakes, before it uses a port. Then it
 closes its connections, sends `g`, then `r`, and waits. When the guardian has confirmed the safe state once more, it
 answers `r` with `f` (free): the driver may use the ports, and the guardian is ready to watch again.
+
+The guardian answers `h` with `t`, switches off, and then sends `f`. It may find the device at a port that the driver
+does not know.
 
     python -m smadrive.devices.guardian.process
 
@@ -33,7 +37,18 @@ from smadrive.devices.guardian.duty import HeldDuty
 from smadrive.devices.guardian.search import PortSearch
 from smadrive.devices.guardian.states import Action, AttemptOutcome, DriverSignal, GuardianState, run
 from smadrive.devices.guardian.switch import AttemptResult, LineAccess, OffSwitch
-from smadrive.devices.guardian.task import ECHO, FREE, GIVES_WAY, HEARTBEAT, READY, STAND_DOWN, TAKEN, WATCH, Task
+from smadrive.devices.guardian.task import (
+    ECHO,
+    FREE,
+    GIVES_WAY,
+    HAND_OVER,
+    HEARTBEAT,
+    READY,
+    STAND_DOWN,
+    TAKEN,
+    WATCH,
+    Task,
+)
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at
 from smadrive.devices.state.lock import Role
@@ -45,6 +60,7 @@ SIGNALS = {
     HEARTBEAT: DriverSignal.HEARTBEAT,
     STAND_DOWN: DriverSignal.STAND_DOWN,
     GIVES_WAY: DriverSignal.GIVES_WAY,
+    HAND_OVER: DriverSignal.HAND_OVER,
 }
 ANSWERS = {Action.ECHO: ECHO, Action.FREE: FREE, Action.TAKE: TAKEN}
 
@@ -123,7 +139,7 @@ class Guardian:
             self._access.release_shared()
         if waits and result.outcome is not AttemptOutcome.CONFIRMED:
             self._duty.wait(result.text)
-        self._report(result, waits=waits)
+        self._report(result, state)
         return result.outcome
 
     def act(self, action: Action) -> None:
@@ -138,20 +154,28 @@ class Guardian:
             self._last = None
         _answer(ANSWERS[action])
 
-    def _report(self, result: AttemptResult, *, waits: bool) -> None:
+    def _report(self, result: AttemptResult, state: GuardianState) -> None:
         """Print the result of an attempt to switch off, unless the last attempt had the same outcome.
 
-        Before the first result, print why the guardian takes over. If `waits` is True, the guardian waits for its
-        device, and the same outcome is printed again every `REMIND_S`.
+        Before the first result, print why the guardian takes over. While the guardian waits for its device, the same
+        outcome is printed again every `REMIND_S`.
         """
+        waits = state is GuardianState.WAITING_FOR_DEVICE
         if self._last is None:
-            reason = "ended" if self._driver.ended else f"stood still for {self._timeout_s:g} s"
-            _print(f"the driver {reason} while heating: taking over")
+            _print(f"the driver {self._reason(state)}: taking over")
         reminds = waits and time.monotonic() - self._printed_s > REMIND_S
         if result.outcome is not self._last or reminds:
             _print(_message(result, waits=waits))
             self._printed_s = time.monotonic()
         self._last = result.outcome
+
+    def _reason(self, state: GuardianState) -> str:
+        """Return why the guardian takes over; `state` is the state of its first attempt."""
+        if state is GuardianState.WAITING_FOR_DEVICE:
+            return "ended while heating"
+        if state is GuardianState.RELEASING:
+            return "could not switch the heater off"
+        return f"stood still for {self._timeout_s:g} s while heating"
 
 
 def _message(result: AttemptResult, *, waits: bool) -> str:

@@ -8,7 +8,8 @@
     ENDING_DRIVER        the guardian has killed the driver, to get the connection, and waits for the end of the driver
     WAITING_FOR_DRIVER   the guardian confirms the heater off repeatedly: the driver may wake and send one last command
     GIVEN_WAY            the driver woke and closed its connections, but does not wait for its ports yet
-    RELEASING            the driver waits for its ports, and gets them when the heater is confirmed off once more
+    RELEASING            the driver waits for its ports, and gets them when the heater is confirmed off (after a
+                         take-over: confirmed off once more)
     WAITING_FOR_DEVICE   the driver has ended; the heater has not been confirmed off since then
     DONE                 the guardian ends
 
@@ -17,6 +18,10 @@ may accept only one client, which is the driver as long as it lives. The guardia
 unplugged device, so it kills the driver in both cases: a living driver could take the connection when the device is
 plugged in again. If both processes stood still, the wait in BARRED continues after the guardian wakes, so the driver
 has time to give way.
+
+A driver that lives but cannot reach its device hands over: its heartbeats would keep the guardian from a device that
+the guardian may find at another port. HAND_OVER leads to RELEASING from every state in which the driver lives, also
+from IDLE: the guardian may have missed the signals before it.
 
 In the states of `ATTEMPTS` the guardian tries to switch the heater off, then listens to the driver; in the other
 states it only listens. The table has an entry for every event that can occur in a state.
@@ -48,12 +53,36 @@ class GuardianState(Enum):
     DONE = auto()
 
 
+class WatchState(Enum):
+    """The state of the guardian as far as the driver knows it.
+
+    STANDING_BY    the guardian does not watch: nothing heats, or the source is confirmed off
+    WATCHED        the guardian watches: the driver heats and sends heartbeats
+    TAKEN_OVER     the driver was silent for too long, so the guardian uses the ports
+    HANDED_OVER    the driver could not switch the source off, so the guardian uses the ports
+    """
+
+    STANDING_BY = auto()
+    WATCHED = auto()
+    TAKEN_OVER = auto()
+    HANDED_OVER = auto()
+
+
+REASONS = {
+    WatchState.TAKEN_OVER: "the driver stood still",
+    WatchState.HANDED_OVER: "the driver could not switch the heater off",
+}
+"""The states in which the guardian uses the ports, and the reason of each."""
+
+
 class DriverSignal(Enum):
     """A signal of the driver through the pipe, the driver's silence, or the end of the pipe."""
 
     HEARTBEAT = auto()
     GIVES_WAY = auto()
     STAND_DOWN = auto()
+    HAND_OVER = auto()
+    """The driver lives but could not switch off. It has closed its connections, and waits for its ports."""
     SILENCE = auto()
     CLOSED = auto()
 
@@ -107,6 +136,7 @@ ATTEMPTS = frozenset(
 PATIENT = frozenset({GuardianState.IDLE, GuardianState.WATCHING, GuardianState.BARRED})
 """States in which the driver may be silent for `timeout_s`. In other states the guardian listens for `LOOK_AGAIN_S`."""
 
+_HANDED_OVER = Transition(GuardianState.RELEASING, Action.TAKE)
 _TAKING_OVER, _WAITING = Transition(GuardianState.TAKING_OVER), Transition(GuardianState.WAITING_FOR_DEVICE)
 _DONE, _BARRED = Transition(GuardianState.DONE), Transition(GuardianState.BARRED)
 
@@ -114,6 +144,7 @@ _WITH_A_SILENT_DRIVER: dict[Event, Transition] = {
     DriverSignal.HEARTBEAT: _TAKING_OVER,
     DriverSignal.GIVES_WAY: Transition(GuardianState.GIVEN_WAY),
     DriverSignal.STAND_DOWN: Transition(GuardianState.RELEASING),
+    DriverSignal.HAND_OVER: _HANDED_OVER,
     DriverSignal.SILENCE: _TAKING_OVER,
     DriverSignal.CLOSED: _WAITING,
 }
@@ -133,6 +164,7 @@ TABLE: dict[GuardianState, dict[Event, Transition]] = {
         DriverSignal.HEARTBEAT: Transition(GuardianState.WATCHING, Action.ECHO),
         DriverSignal.GIVES_WAY: Transition(GuardianState.IDLE, Action.ECHO),
         DriverSignal.STAND_DOWN: Transition(GuardianState.IDLE, Action.FREE),
+        DriverSignal.HAND_OVER: _HANDED_OVER,
         DriverSignal.SILENCE: Transition(GuardianState.IDLE),
         DriverSignal.CLOSED: _DONE,
     },
@@ -140,6 +172,7 @@ TABLE: dict[GuardianState, dict[Event, Transition]] = {
         DriverSignal.HEARTBEAT: Transition(GuardianState.WATCHING, Action.ECHO),
         DriverSignal.GIVES_WAY: Transition(GuardianState.IDLE, Action.ECHO),
         DriverSignal.STAND_DOWN: Transition(GuardianState.IDLE, Action.FREE),
+        DriverSignal.HAND_OVER: _HANDED_OVER,
         DriverSignal.SILENCE: Transition(GuardianState.TAKING_OVER, Action.TAKE),
         DriverSignal.CLOSED: _WAITING,
     },
@@ -153,7 +186,11 @@ TABLE: dict[GuardianState, dict[Event, Transition]] = {
     GuardianState.GIVEN_WAY: _stays(
         GuardianState.GIVEN_WAY, DriverSignal.HEARTBEAT, DriverSignal.GIVES_WAY, DriverSignal.SILENCE, *AttemptOutcome
     )
-    | {DriverSignal.STAND_DOWN: Transition(GuardianState.RELEASING), DriverSignal.CLOSED: _WAITING},
+    | {
+        DriverSignal.STAND_DOWN: Transition(GuardianState.RELEASING),
+        DriverSignal.HAND_OVER: _HANDED_OVER,
+        DriverSignal.CLOSED: _WAITING,
+    },
     GuardianState.RELEASING: _stays(
         GuardianState.RELEASING,
         DriverSignal.HEARTBEAT,
@@ -162,7 +199,11 @@ TABLE: dict[GuardianState, dict[Event, Transition]] = {
         DriverSignal.SILENCE,
         *AttemptOutcome,
     )
-    | {AttemptOutcome.CONFIRMED: Transition(GuardianState.IDLE, Action.FREE), DriverSignal.CLOSED: _WAITING},
+    | {
+        AttemptOutcome.CONFIRMED: Transition(GuardianState.IDLE, Action.FREE),
+        DriverSignal.HAND_OVER: _HANDED_OVER,
+        DriverSignal.CLOSED: _WAITING,
+    },
     GuardianState.WAITING_FOR_DEVICE: _stays(GuardianState.WAITING_FOR_DEVICE, *DriverSignal, *AttemptOutcome)
     | {AttemptOutcome.CONFIRMED: _DONE, AttemptOutcome.RELIEVED: _DONE, AttemptOutcome.GONE: _DONE},
 }

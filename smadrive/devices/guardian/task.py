@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from smadrive.devices.identity import Identity
 
-WATCH, HEARTBEAT, STAND_DOWN, GIVES_WAY = b"w", b"b", b"r", b"g"
+WATCH, HEARTBEAT, STAND_DOWN, GIVES_WAY, HAND_OVER = b"w", b"b", b"r", b"g", b"h"
 READY, ECHO, TAKEN, FREE = b"y", b"e", b"t", b"f"
 
 

@@ -51,7 +51,7 @@ class Script:
         return self
 
 
-HEARTBEAT, GIVES_WAY, STAND_DOWN, SILENCE, CLOSED = DriverSignal
+HEARTBEAT, GIVES_WAY, STAND_DOWN, HAND_OVER, SILENCE, CLOSED = DriverSignal
 OFF, UNREACHABLE, BARRED, ANOTHER, BUSY, RELIEVED, GONE = AttemptOutcome
 
 
@@ -129,6 +129,22 @@ def test_driver_that_gives_up_the_only_connection_is_not_killed():
 def test_driver_that_survives_is_killed_again():
     story = Script(HEARTBEAT, SILENCE, BARRED, SILENCE, SILENCE, BARRED, SILENCE, CLOSED, OFF).run()
     assert story.actions.count(Action.END_DRIVER) == 2
+
+
+@pytest.mark.parametrize("state", sorted(set(TABLE) - {GuardianState.WAITING_FOR_DEVICE}, key=str))
+def test_driver_that_hands_over_gets_its_ports_only_after_a_confirmed_switch_off(state):
+    assert TABLE[state][HAND_OVER].state is GuardianState.RELEASING
+
+
+def test_guardian_switches_off_for_a_living_driver_that_cannot_reach_its_device():
+    story = Script(HEARTBEAT, HEARTBEAT, HAND_OVER, UNREACHABLE, STAND_DOWN, ANOTHER, SILENCE, OFF, CLOSED).run()
+    assert story.attempts == [GuardianState.RELEASING] * 3
+    assert story.actions == [Action.ECHO, Action.ECHO, Action.TAKE, Action.FREE]
+
+
+def test_driver_that_hands_over_behind_a_network_is_not_killed():
+    story = Script(HEARTBEAT, HAND_OVER, BARRED, SILENCE, BARRED, SILENCE, BARRED, CLOSED, OFF).run()
+    assert Action.END_DRIVER not in story.actions
 
 
 @pytest.mark.parametrize("last", [OFF, RELIEVED, GONE])
