@@ -147,7 +147,7 @@ def test_an_open_thermocouple_trips_and_ends_with_zero_current(bench):
     trip = excite_and_break(bench, bench.device.bench.sensors.faults.open_thermocouple)
     assert trip.number == Fault.DEVICE_FAULT.number
     assert bench.device.firmware.current_a == 0.0
-    assert not hasattr(trip, "__notes__")
+    assert getattr(trip, "__notes__", []) == []
 
 
 @pytest.mark.parametrize("at_s", [0.0, exhaustive(30.0), exhaustive(45.0)])
