@@ -33,12 +33,10 @@ class ProcessNoises(NamedTuple):
 PRECISE = ProcessNoises(ProcessNoise(0.015, 0.2, 0.05, 0.003), ProcessNoise(0.1, 20.0, 3.0, 0.003))
 """The process noise for a precise displacement, as of a sensor."""
 
-NOISY = ProcessNoises(ProcessNoise(0.015, 0.05, 0.015, 0.001), ProcessNoise(0.1, 20.0, 12.0, 0.03))
+NOISY = ProcessNoises(PRECISE.calm._replace(phase=0.001), PRECISE.disturbed._replace(phase=0.03))
 """The process noise for a noisy displacement, as that by the resistance.
 
-In calm air the filter averages it over many seconds, and model errors cancel in part: with the drifts of a precise
-displacement, most of the tracking error would be noise of the resistance. In a disturbance the shift may change by
-more, so that it follows a load in spite of the averaging. The phase may be wrong by more, too, because a changed load
-may move the wire where the model expects no movement. A precise displacement shows such a movement in any case, and a
-larger error of the phase would only hide the shift.
+In calm air the filter averages it over seconds, and model errors cancel in part. In a disturbance the phase may be
+wrong by more, because a changed load may move the wire where the model expects no movement. A precise displacement
+shows such a movement in any case, and a larger error of the phase would only hide the shift.
 """
