@@ -1,4 +1,4 @@
-"""Whether a wire moves again after a pause of the run engine: only if this pause has ended its motion or its servo."""
+"""A wire moves again after a pause of the run engine only if this pause has ended its motion or its servo."""
 
 import asyncio
 
