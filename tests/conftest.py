@@ -35,7 +35,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-WORKERS_A_CORE = 5
+WORKERS_A_CORE = 3
 """Many tests wait in real time, so a core can serve several workers."""
 
 BROWSER = "tests/browser/"

@@ -141,6 +141,7 @@ def words_of(text: str) -> str:
     return "_" + re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", text).lower().strip("_") + "_"
 
 
+@cache
 def names_of(path: Path) -> list[Name]:
     """Every name of a module, class, function, attribute or variable that the file defines."""
     place = path.relative_to(ROOT)

@@ -162,7 +162,7 @@ def test_running_driver_is_stopped(heated):
     assert (done["safe"], done["faults"]) == (True, [])
 
 
-@pytest.mark.parametrize("profile", ["autonics-tk", None], ids=["heats nothing", "another source"])
+@pytest.mark.parametrize("profile", ["autonics-tk", exhaustive(None)], ids=["heats nothing", "another source"])
 def test_failed_off_names_the_driver_that_it_stopped(heated, profile):
     right, other = ("sma-reference", "riden-rd60xx")[:: 1 if heated.kind == "board" else -1]
     with heated.drive() as driver:
@@ -174,7 +174,7 @@ def test_failed_off_names_the_driver_that_it_stopped(heated, profile):
         assert driver.wait() != 0
 
 
-@pytest.mark.parametrize("manner", ["stopped", "hangs"])
+@pytest.mark.parametrize("manner", [exhaustive("stopped"), "hangs"])
 def test_driver_that_does_not_answer_is_ended_and_the_heater_is_off(heated, manner):
     with heated.drive(manner) as driver:
         assert driver.stdout.readline() == "heating\n"
@@ -249,7 +249,7 @@ def test_pages_that_hang_do_not_hold_the_line(heated, command):
     assert done["stopped_drivers"] == [{"pid": driver.pid, "killed": False}]
 
 
-@pytest.mark.parametrize("code", [TRIES_AGAIN, IN_A_THREAD], ids=["tries again after every error", "in a thread"])
+@pytest.mark.parametrize("code", [TRIES_AGAIN, exhaustive(IN_A_THREAD)], ids=["tries again", "in a thread"])
 def test_program_that_is_stopped_does_not_heat_again(heated, code):
     with heated.start("-c", code, str(heated.rig)) as driver:
         assert driver.stdout.readline() == "heating\n"

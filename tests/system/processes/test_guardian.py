@@ -124,7 +124,7 @@ def driven(
                     time.sleep(0.05)
 
 
-@pytest.mark.parametrize("fate", ["killed", "stopped"])
+@pytest.mark.parametrize("fate", ["killed", exhaustive("stopped")])
 def test_guardian_switches_off_for_a_driver_that_cannot(tmp_path, fate):
     with driven(tmp_path, fate) as (driver, supply):
         driver.send_signal(signal.SIGKILL if fate == "killed" else signal.SIGSTOP)
@@ -217,7 +217,7 @@ def test_driver_that_wakes_gives_up_the_only_connection_and_is_not_killed(tmp_pa
         assert "ending it" not in said
 
 
-@pytest.mark.parametrize("fate", [exhaustive("interrupted"), "terminated", "crash"])
+@pytest.mark.parametrize("fate", [exhaustive("interrupted"), exhaustive("terminated"), "crash"])
 def test_driver_that_can_switch_off_needs_no_guardian(tmp_path, fate):
     with driven(tmp_path, fate) as (driver, supply):
         if fate != "crash":
@@ -227,6 +227,7 @@ def test_driver_that_can_switch_off_needs_no_guardian(tmp_path, fate):
         assert ("taking over" in said) == (fate == "terminated")  # this script does not catch SIGTERM
 
 
+@pytest.mark.exhaustive
 def test_guardian_watches_while_current_flows_although_the_supply_reports_off(tmp_path):
     script = tmp_path / "leaks.toml"
     script.write_text("[[faults]]\nat_s = 0.0\nname = 'short_switch'\nleak_a = 0.2\n")

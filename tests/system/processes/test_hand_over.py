@@ -82,6 +82,7 @@ def heating(tmp_path):
         yield begin
 
 
+@pytest.mark.exhaustive
 def test_guardian_switches_a_supply_off_that_its_driver_cannot_reach(heating):
     stage = heating(finds=True)
     stage.unplug()

@@ -12,6 +12,7 @@ from urllib.parse import quote
 
 import programs
 import pytest
+from marks import exhaustive
 from served import PATIENT, served
 
 from smadrive.devices.device import Device
@@ -67,10 +68,10 @@ def test_heater_is_off_before_a_missing_sensor_is_reported(hot):
     ("right", "wrong"),
     [
         ('wire = "', 'wire = "no-'),
-        ("temperature_max_c = ", "temperature_max = "),
-        ("rate_hz = ", "rate_hz = -"),
-        ("high_c = ", "high_c = 9"),
-        ("rate_hz = ", "rate_hz = 2,"),
+        exhaustive("temperature_max_c = ", "temperature_max = "),
+        exhaustive("rate_hz = ", "rate_hz = -"),
+        exhaustive("high_c = ", "high_c = 9"),
+        exhaustive("rate_hz = ", "rate_hz = 2,"),
         ("[limits]", "[limits"),
     ],
 )
@@ -85,7 +86,7 @@ def test_off_ignores_other_errors_of_the_rig_file(hot, right, wrong):
     assert is_off(process)
 
 
-@pytest.mark.parametrize(("right", "wrong"), [('url = "', "url = "), ("[[devices]]", "[[devices")])
+@pytest.mark.parametrize(("right", "wrong"), [('url = "', "url = "), exhaustive("[[devices]]", "[[devices")])
 def test_off_switches_off_a_device_with_a_correctable_address_and_reports_the_mistake(hot, right, wrong):
     process, rig, _ = hot
     text = rig.read_text()
@@ -99,7 +100,8 @@ def test_off_switches_off_a_device_with_a_correctable_address_and_reports_the_mi
 
 
 @pytest.mark.parametrize(
-    "url", ["tcp://192.168.1..10:502", "tcp://[::1", r"serial:///dev/tty\u0000", "sim://a\\u0000b.toml"]
+    "url",
+    ["tcp://[::1", *map(exhaustive, ("tcp://192.168.1..10:502", r"serial:///dev/tty\u0000", "sim://a\\u0000b.toml"))],
 )
 def test_bad_address_of_one_device_does_not_keep_the_others_on(hot, url):
     process, rig, _ = hot
@@ -172,7 +174,7 @@ def supply_alone(text):
     return f"{head}\n[[devices]]\n{first}{limits}{rest}"
 
 
-@pytest.mark.parametrize("folder", ["guardians", "locks"])
+@pytest.mark.parametrize("folder", [exhaustive("guardians"), "locks"])
 def test_pipe_in_the_state_folder_does_not_keep_off_waiting(hot, state_home, folder):
     process, rig, port = hot
     (state_home / "smadrive" / folder).mkdir(parents=True)
@@ -210,7 +212,7 @@ def test_off_interrupted_three_times_does_not_report_the_heater_off(hot):
     assert is_off(process)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+@pytest.mark.parametrize("number", [exhaustive(signal.SIGINT), signal.SIGHUP])
 def test_a_signal_does_not_keep_it_from_switching_off_a_supply_that_answers_again(hot, number):
     process, _, _ = hot
     with switching_off_in_silence(hot) as switching:

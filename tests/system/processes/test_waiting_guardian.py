@@ -139,6 +139,7 @@ def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_wai
     assert programs.lives(guardian)
 
 
+@pytest.mark.exhaustive
 def test_the_supply_that_heated_is_switched_off_when_it_is_back(stage):
     port = str(stage.folder / "port")
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)
@@ -148,7 +149,7 @@ def test_the_supply_that_heated_is_switched_off_when_it_is_back(stage):
     assert waiting_duties() == []
 
 
-@pytest.mark.parametrize("command", ["probe", "off"])
+@pytest.mark.parametrize("command", [exhaustive("probe"), "off"])
 def test_absent_device_is_reported_with_its_waiting_guardian(stage, command):
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", str(stage.folder / "port"))
     guardian = stage.disconnect(stage.heat(url), supply)
@@ -157,7 +158,8 @@ def test_absent_device_is_reported_with_its_waiting_guardian(stage, command):
     assert f"process {guardian}" in ended.stderr
 
 
-@pytest.mark.parametrize("command", [exhaustive("probe"), "off"])
+@pytest.mark.parametrize("command", ["probe", "off"])
+@pytest.mark.exhaustive
 def test_program_that_confirms_the_same_supply_off_relieves_the_guardian(stage, command):
     port = str(stage.folder / "port")
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from marks import exhaustive
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import SimConfig, load_sim
@@ -20,6 +19,8 @@ from smadrive.identification.wire import WireFit, identify_wire
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.wire.wire_model import WireModel, travel_mm
+
+pytestmark = pytest.mark.exhaustive
 
 
 class RandomWire(NamedTuple):
@@ -47,7 +48,7 @@ def _without_leads(sim):
 
 @pytest.fixture(
     scope="module",
-    params=[("duhem", 11), exhaustive(("two-component", 12)), exhaustive(("preisach", 13))],
+    params=[("duhem", 11), ("two-component", 12), ("preisach", 13)],
     ids=lambda p: p[0],
 )
 def wire(request):
@@ -79,7 +80,7 @@ def test_identification_recovers_the_parameters_within_bounds(wire):
     assert hot_mm - cold_mm == pytest.approx(true.stroke_mm, rel=0.03)
 
 
-@pytest.mark.parametrize("sensor", [exhaustive(False), True], ids=["without sensor", "with sensor"])
+@pytest.mark.parametrize("sensor", [False, True], ids=["without sensor", "with sensor"])
 def test_wire_is_tracked_within_the_targets(wire, sensor):
     model, balance = wire.fit.hysteresis.model, wire.fit.thermal.balance
     cold_mm, hot_mm = travel_mm(model)

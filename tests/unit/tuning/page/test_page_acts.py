@@ -10,6 +10,7 @@ from bokeh.document import Document
 from bokeh.events import ButtonClick
 from bokeh.models import Button, ColumnDataSource, RadioButtonGroup, Slider, Spinner
 from bokeh.server.callbacks import NextTickCallback
+from marks import exhaustive
 
 from smadrive.rig.config import rig_file
 from smadrive.tuning.page.button_events import ButtonEvents
@@ -99,7 +100,7 @@ class OpenPage:
         return {model.name for model in self._doc.models if isinstance(model, Button)}
 
 
-@pytest.fixture(params=["wrong", TOKEN], ids=["watches", "controls"])
+@pytest.fixture(params=["wrong", exhaustive(TOKEN)], ids=["watches", "controls"])
 def opened(request, ruled_rig, tmp_path):
     page = OpenPage(ruled_rig, tmp_path, request.param)
     yield page, request.param == TOKEN
