@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from smadrive.control.feasibility.feasibility import Feasibility
+from smadrive.control.feasibility.feasibility import SMOOTHED_TOLERANCE, TOLERANCE, Feasibility
 from smadrive.control.feasibility.simulation import simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.holding import APPROACH_S, resting_caveats, resting_mm
@@ -35,6 +35,8 @@ RETURN_S = 10.0
 """Duration of the way back between two cycles of a reference that does not end where it begins."""
 
 NOT_ADAPTED = "adapt = true under [feedback] has an effect only in `smadrive tune`: this run does not change the rules"
+
+SMOOTHED_AGAIN = "the cycles differ from those of the previous part, so their errors cannot be compared"
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,8 @@ def plan_tracking(
 
     With `cycling` the reference is repeated. A reference that is repeated already runs with all its cycles, and one
     without an end is a ConfigError. If the wire cannot follow `given` and `smooth` is True, the run tracks the
-    nearest reference; ConfigError if the wire cannot follow its cycles either. If `smooth` is False, ConfigError names
+    nearest reference; ConfigError if the wire cannot follow its cycles either. A continuation tracks the cycles of the
+    previous part as they are, also if that part had smoothed them. If `smooth` is False, ConfigError names
     `smooth_option`, the option of the user that sets `smooth`. `displacement_from` replaces the source of the
     displacement in the rig file. A reference outside the temperature or displacement limits of the rig is a
     ConfigError, too.
@@ -142,7 +145,9 @@ def plan_tracking(
         else:
             given = once.repeated(cycling.remaining, RETURN_S)
         check_end(given.duration_s)
-        simulated = followed = _simulated(rig, given, wire, start)
+        continues = cycling is not None and bool(cycling.continues)
+        tolerance = SMOOTHED_TOLERANCE if continues else TOLERANCE
+        simulated = followed = _simulated(rig, given, wire, start, tolerance)
         way_back_s = given.cycle_s - once.cycle_s
         simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option, way_back_s=way_back_s)
         nearest = simulated.nearest
@@ -150,11 +155,12 @@ def plan_tracking(
             followed = _simulated(rig, nearest, wire, start)
             followed.check_smoothed()
             followed.check(limit_c, smooth=smooth, smooth_option=smooth_option)
+    changed = (SMOOTHED_AGAIN,) if continues and not simulated.feasible else ()
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
     sensing = *rig.check_sensing(wire, chosen, start.temperature_c), *resting_caveats(wire.model, measured, chosen)
     of_the_model = *_caveats_of(identified), *_memory_caveats(identified, followed)
     held_back = derating_caveats(followed.hottest_c, limit_c)
-    caveats = *simulated.caveats, *held_back, *of_the_model, *not_adapted, *sensing
+    caveats = *simulated.caveats, *changed, *held_back, *of_the_model, *not_adapted, *sensing
     from_record = wire_file_of(identified), expected_of(identified)
     return PlannedTracking(given, nearest, wire, caveats, cycling, chosen, *from_record)
 
@@ -170,5 +176,8 @@ def _start(
     return start, given.with_approach(start_mm, APPROACH_S)
 
 
-def _simulated(rig: Rig, reference: Reference, wire: WireModel, start: WireState) -> Feasibility:
-    return simulate_run(reference, wire, HysteresisInverse(wire.model), tracking_settings(rig.config), start)
+def _simulated(
+    rig: Rig, reference: Reference, wire: WireModel, start: WireState, tolerance: float = TOLERANCE
+) -> Feasibility:
+    inverse, settings = HysteresisInverse(wire.model), tracking_settings(rig.config)
+    return simulate_run(reference, wire, inverse, settings, start, tolerance)

@@ -16,7 +16,10 @@ TOLERANCE = 0.02
 """Largest error of a feasible reference, in strokes; the controller corrects an error of this size."""
 
 SMOOTHED_TOLERANCE = 0.05
-"""Largest error of smoothed cycles that are simulated again, in strokes. Sharp corners leave up to this error."""
+"""Largest error of smoothed cycles that are simulated again, in strokes. Sharp corners leave up to this error.
+
+It holds for the cycles of a continuation, too: the previous part may have smoothed them.
+"""
 
 JUMP = 20.0
 """A reference that is more than this many times too fast counts as a jump; slowing it down does not help."""
@@ -38,7 +41,7 @@ REASONS: dict[Limit, str] = {
 class Feasibility:
     """The result of a simulated run of a reference.
 
-    feasible                   True if the largest error is at most `TOLERANCE` strokes
+    feasible                   True if the largest error is at most the tolerance of the simulation
     nearest                    reference that the wire can follow: the given reference if it is feasible
     shortfall_mm, at_s         largest error; its time
     limit, in_approach         cause of the largest error; True if its time is in the approach

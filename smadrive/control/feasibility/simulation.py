@@ -52,14 +52,22 @@ class SimulatedTick(NamedTuple):
 
 
 def simulate_run(
-    reference: Reference, wire: WireModel, inverse: DisplacementInverse, settings: TrackingSettings, start: WireState
+    reference: Reference,
+    wire: WireModel,
+    inverse: DisplacementInverse,
+    settings: TrackingSettings,
+    start: WireState,
+    tolerance: float = TOLERANCE,
 ) -> Feasibility:
-    """Simulate a run of `reference` on the model of the wire, from the state `start`, and return its result."""
+    """Simulate a run of `reference` on the model of the wire, from the state `start`, and return its result.
+
+    `tolerance` is the largest error of a feasible reference, in strokes.
+    """
     slow_wire = WireModel(wire.model, replace(wire.balance, loss_w_per_k=(1.0 - MARGIN) * wire.balance.loss_w_per_k))
     weak_a, sensor = (1.0 - MARGIN) * settings.current_limit_a, DisplacementFrom.SENSOR
     weak = replace(settings, current_limit_a=weak_a, displacement_from=sensor)
     ticks = np.array(list(_ticks(reference, slow_wire, inverse, weak, start)))
-    return _judge(reference, ticks, wire.travel_mm)
+    return _judge(reference, ticks, wire.travel_mm, tolerance)
 
 
 def _ticks(
@@ -91,12 +99,12 @@ def _ticks(
             reading_c = wire.balance.step_thermocouple(reading_c, before_c, state.temperature_c, dt_s / SUBSTEPS)
 
 
-def _judge(reference: Reference, ticks: FloatArray, travel_mm: float) -> Feasibility:
+def _judge(reference: Reference, ticks: FloatArray, travel_mm: float, tolerance: float) -> Feasibility:
     stroke_mm = abs(travel_mm)
     time_s, setpoint_mm, reached_mm, temperature_c, power_w, limit_w = ticks.T
     missed_mm = np.abs(setpoint_mm - reached_mm)
     worst = int(np.argmax(missed_mm))
-    feasible = bool(missed_mm[worst] <= TOLERANCE * stroke_mm)
+    feasible = bool(missed_mm[worst] <= tolerance * stroke_mm)
     begins = int(np.max(np.flatnonzero(missed_mm[: worst + 1] < 0.1 * missed_mm[worst]), initial=0))
     span = slice(begins, max(worst, begins + 1) + 1)
     duration_s = float(time_s[span][-1] - time_s[span][0])

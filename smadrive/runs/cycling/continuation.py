@@ -67,10 +67,10 @@ def continuation_of(path: Path, config: RigConfig, chosen: DisplacementFrom | No
         wire = replace(wire, source=log.metadata[WIRE_FILE])
     before = displacement_source_of(log)
     caveats = *_differences(log, config), *_source_caveats(path, before, chosen)
-    return Continuation(_one_cycle(reference_of(log)), wire, rest, caveats, chosen or before)
+    return Continuation(one_cycle(reference_of(log)), wire, rest, caveats, chosen or before)
 
 
-def _one_cycle(reference: Reference) -> Reference:
+def one_cycle(reference: Reference) -> Reference:
     """Return one cycle of the reference, without the approach."""
     is_scored = reference.times_s >= reference.scored_from_s
     return Reference.from_samples(reference.times_s[is_scored], reference.displacement_mm[is_scored])

@@ -5,15 +5,16 @@ import pytest
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.references.holding import APPROACH_S
 from smadrive.control.references.reference import Reference
-from smadrive.control.references.shapes import sine
+from smadrive.control.references.shapes import parse_reference, sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
 from smadrive.rig.controllers import step_controller
 from smadrive.rig.rig import Rig
-from smadrive.runs.cycling.cycles import Cycling
-from smadrive.runs.tracking_plan import plan_tracking
+from smadrive.runs.cycling.continuation import one_cycle
+from smadrive.runs.cycling.cycles import CycleMetrics, Cycling
+from smadrive.runs.tracking_plan import SMOOTHED_AGAIN, plan_tracking
 from smadrive.wire.identified_wire import IdentifiedWire
 
 WIRE = IdentifiedWire(
@@ -23,6 +24,7 @@ WIRE = IdentifiedWire(
     None,
 )
 STEPS = Reference.from_samples([0.0, 10.0, 10.1, 20.0, 20.1, 30.0], [2.0, 2.0, 8.0, 8.0, 2.0, 2.0])
+TRIANGLE = parse_reference("triangle:low_mm=2,high_mm=10,period_s=7")
 
 SLOW = sine(low_mm=2.0, high_mm=6.0, period_s=60.0, cycles=1.0)
 WARM = ManualStep(None, 78.0, 20.0)
@@ -44,6 +46,24 @@ def test_cycles_that_the_wire_cannot_follow_even_smoothed_are_refused():
     with pytest.raises(ConfigError) as error:
         planned(sine(low_mm=1.0, high_mm=11.0, period_s=2.0, cycles=1.0), 4)
     assert error.value.where == "reference"
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_continuation_tracks_the_cycles_that_the_previous_part_has_smoothed(smooth):
+    one = one_cycle(planned(TRIANGLE, 4).nearest)
+    part = Cycling(4, (CycleMetrics(1, *6 * (1.0,)),), "part.h5")
+    with Rig(load_rig("in-process")) as rig:
+        plan = plan_tracking(rig, one, WIRE, smooth=smooth, smooth_option="--smooth", cycling=part)
+    assert plan.nearest is plan.given
+    assert plan.nearest.repeats == 3
+
+
+def test_cycles_that_are_smoothed_again_have_a_caveat():
+    part = Cycling(4, (CycleMetrics(1, *6 * (1.0,)),), "part.h5")
+    with Rig(load_rig("in-process")) as rig:
+        plan = plan_tracking(rig, STEPS, WIRE, smooth=True, smooth_option="--smooth", cycling=part)
+    assert SMOOTHED_AGAIN in plan.caveats
+    assert plan.nearest is not plan.given
 
 
 def test_reference_that_is_repeated_already_runs_with_all_its_cycles():
