@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from smadrive.campaigns.execution.journal import Journal
 from smadrive.campaigns.execution.scheduling import Finished, naming_a_lost_scheduler, run_all
-from smadrive.campaigns.experiments.references import check_reference
+from smadrive.campaigns.experiments.references import typical_reference
 from smadrive.campaigns.experiments.run import logged_run
 from smadrive.campaigns.experiments.simulated_rig import check_disturbance
-from smadrive.campaigns.plan.config import ReferenceConfig
 from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.campaigns.results.report import write_campaign_report
 from smadrive.campaigns.results.summary import check_report, worst_first
@@ -54,14 +53,12 @@ def check_plan(plan: CampaignPlan) -> None:
     Of the references, only what does not depend on the wire is checked.
     """
     check_report(plan)
-    disturbances, references = set[str](), set[ReferenceConfig]()
+    checked = set[tuple[str | None, str]]()
     for run in plan.sample():
-        if run.settings.experiment != "fit" and run.disturbance and run.settings.disturbance not in disturbances:
-            check_disturbance(run)
-            disturbances.add(run.settings.disturbance)
-        if run.settings.experiment == "track" and run.reference is not None and run.reference not in references:
-            check_reference(run.reference)
-            references.add(run.reference)
+        names = run.settings.reference, run.settings.disturbance
+        if run.reference is not None and names not in checked:
+            check_disturbance(run, typical_reference(run.reference))
+            checked.add(names)
     plan.check_files()
 
 

@@ -18,13 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smadrive.campaigns.experiments.references import shaped
+from smadrive.campaigns.experiments.references import typical_reference
 from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig
 from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.control.controllers.step import ConstantCurrentController
 from smadrive.control.references.holding import APPROACH_S
 from smadrive.errors import DataError, SmadriveError
-from smadrive.files.csv_table import read_table
 from smadrive.rig.controllers import excitation_path
 
 PROBE_S = 5.0
@@ -155,6 +154,4 @@ def _tracking_ticks(run: PlannedRun) -> float:
 def _reference_s(run: PlannedRun) -> float:
     """Return the duration of the reference of a run, without its approach."""
     assert run.reference is not None
-    if run.reference.file is not None:
-        return float(np.ptp(read_table(Path(run.reference.file)).column("time_s")))
-    return shaped(run.reference.shape or "", 1.0, 2.0).duration_s
+    return typical_reference(run.reference).duration_s

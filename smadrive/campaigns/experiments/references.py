@@ -50,24 +50,23 @@ def planned_reference(config: ReferenceConfig, wire: WireModel, rig: RigConfig) 
     return PlannedReference(simulated.nearest, not simulated.feasible)
 
 
-def check_reference(config: ReferenceConfig) -> None:
-    """Raise ConfigError, or DataError, if no wire can have this reference: its shape or its table is malformed."""
-    _requested(config, TYPICAL_TRAVEL)
+def typical_reference(config: ReferenceConfig) -> Reference:
+    """Return the reference on a typical travel, without an approach.
+
+    ConfigError, or DataError, if no wire can have this reference: its shape or its table is malformed.
+    """
+    return _requested(config, TYPICAL_TRAVEL)
 
 
 def _requested(config: ReferenceConfig, travel: Travel) -> Reference:
     if config.file is not None:
         return _from_table(Path(config.file), travel)
     assert config.shape is not None
-    return shaped(config.shape, travel.at_mm(config.low), travel.at_mm(config.high))
-
-
-def shaped(shape: str, low_mm: float, high_mm: float) -> Reference:
-    """Return the reference of a shape, between these displacements unless the shape gives its own, in mm."""
-    if "_mm=" in shape.replace(" ", ""):
-        return parse_reference(shape)
-    separator = "," if ":" in shape else ":"
-    return parse_reference(f"{shape}{separator}low_mm={low_mm!r},high_mm={high_mm!r}")
+    if not config.is_scaled:
+        return parse_reference(config.shape)
+    separator = "," if ":" in config.shape else ":"
+    low_mm, high_mm = travel.at_mm(config.low), travel.at_mm(config.high)
+    return parse_reference(f"{config.shape}{separator}low_mm={low_mm!r},high_mm={high_mm!r}")
 
 
 def _from_table(path: Path, travel: Travel) -> Reference:

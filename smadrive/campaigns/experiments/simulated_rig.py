@@ -16,6 +16,8 @@ from smadrive.campaigns.experiments.columns import Row
 from smadrive.campaigns.plan.config import DisturbanceConfig
 from smadrive.campaigns.plan.documents import changed_sim
 from smadrive.campaigns.plan.plan import PlannedRun
+from smadrive.control.references.reference import Reference
+from smadrive.errors import ConfigError
 from smadrive.modbus.transports.transport import Transport
 from smadrive.rig.rig import Rig
 from smadrive.rig.simulation import SimulatedConnections
@@ -71,23 +73,42 @@ class SimulatedRig:
         transports = _transports(run, self.simulated_bench)
         self.rig = Rig(run.documents.rig, transports=transports, data_sheet=run.documents.data_sheet)
 
-    def plan_disturbance(self, disturbance: tuple[DisturbanceConfig, ...], scored_from_s: float) -> None:
-        """Plan the faults of a disturbance. ConfigError for an unknown fault.
+    def plan_disturbance(self, disturbance: tuple[DisturbanceConfig, ...], reference: Reference) -> None:
+        """Plan the faults of a disturbance. ConfigError for an unknown fault, or one after the end of the reference.
 
-        The times of the faults count from the end of the approach, which comes in `scored_from_s`. A random time is
-        drawn with the seed of the noise.
+        The times of the faults count from the end of the approach, and the run begins now. A random time is drawn with
+        the seed of the noise.
         """
-        random, begins_s = Random(self._seed), self.simulated_bench.time_s + scored_from_s
+        _check_times(disturbance, reference)
+        random, begins_s = Random(self._seed), self.simulated_bench.time_s + reference.scored_from_s
         entries = (_entry(one, begins_s, random) for one in disturbance)
         self.simulated_bench.follow_script(FaultScript(faults=tuple(entries)))
 
 
-def check_disturbance(run: PlannedRun) -> None:
-    """Raise ConfigError if a fault of the run is unknown, or has unknown parameters. The rig need not be possible."""
+def check_disturbance(run: PlannedRun, reference: Reference) -> None:
+    """Raise ConfigError if a fault of the run is unknown, has unknown parameters, or comes after the reference.
+
+    The rig need not be possible.
+    """
+    _check_times(run.disturbance, reference)
     simulated_bench = SimulatedBench(run.documents.sim, 0)
     _transports(run, simulated_bench)
     script = FaultScript(faults=tuple(_entry(one, 0.0, Random(0)) for one in run.disturbance))
     scheduled(script, simulated_bench.known_faults())
+
+
+def _check_times(disturbance: tuple[DisturbanceConfig, ...], reference: Reference) -> None:
+    """Raise ConfigError if a fault may begin after the end of the reference, where it would have no effect."""
+    lasts_s = reference.duration_s - reference.scored_from_s
+    for one in disturbance:
+        if one.latest_s >= lasts_s:
+            raise ConfigError(
+                "may begin after the end of the reference, without an effect",
+                where=f"disturbance '{one.name}'",
+                value=f"{one.latest_s:g} s",
+                limit=f"less than {lasts_s:g} s, which counts from the end of the approach",
+                cure="let it begin earlier, or give a longer reference",
+            )
 
 
 def _transports(run: PlannedRun, simulated_bench: SimulatedBench) -> dict[str, Transport]:

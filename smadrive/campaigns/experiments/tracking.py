@@ -112,7 +112,7 @@ def _driven(
     with simulated.rig as rig:
         source = rig.config.displacement_from
         rig.check_sensing(wire, source, rig.measure().temperature_c)
-        simulated.plan_disturbance(run.disturbance, planned.reference.scored_from_s)
+        simulated.plan_disturbance(run.disturbance, planned.reference)
         log = nullcontext() if log_file is None else _recorder(log_file, run, rig, planned.reference, chosen)
         with log as recorder:
 

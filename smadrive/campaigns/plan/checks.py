@@ -24,6 +24,9 @@ UNUSED: dict[Experiment, tuple[str, ...]] = {
 }
 """The keys that have no effect in an experiment."""
 
+OF_EXCITATION = ("fit", "rig.excitation")
+"""The keys that have no effect with a model."""
+
 ADAPT = "rig.feedback.adapt"
 
 Table = Mapping[str, Any]
@@ -76,8 +79,10 @@ def _useless(table: Table, settings: RunSettings) -> Iterator[_Useless]:
         if _is_set(table, key) and not _is_set(table, needed):
             more = ", or random_wires in [[vary]]" if needed == "wire.seed" else ""
             yield _Useless(key, f"without {needed}", f"remove it, or write {needed}{more}")
-    if _is_set(table, "fit") and _is_set(table, "model"):
-        yield _Useless("fit", "with model: the run identifies no wire", "remove one of the two keys")
+    if _is_set(table, "model"):
+        for key in OF_EXCITATION:
+            if _is_set(table, key):
+                yield _Useless(key, "with model: the run identifies no wire", "remove one of the two keys")
     if _is_set(table, ADAPT):
         yield _Useless(ADAPT, "in a campaign: only `smadrive tune` adapts the rules", "remove it")
 

@@ -164,10 +164,19 @@ class ReferenceConfig(Section):
     high: float = Field(default=0.8, ge=0, le=1)
     smooth: bool = True
 
+    @property
+    def is_scaled(self) -> bool:
+        """True if the reference is a shape that moves between `low` and `high`."""
+        return self.shape is not None and "_mm=" not in self.shape.replace(" ", "")
+
     @model_validator(mode="after")
     def _one_source(self) -> Self:
         if (self.shape is None) == (self.file is None):
             raise ValueError('a reference needs either shape = "sine:period_s=56" or file = "FILE.csv"')
+        unused = sorted({"low", "high"} & self.model_fields_set)
+        if unused and not self.is_scaled:
+            whose = "file" if self.shape is None else "shape"
+            raise ValueError(f"{' and '.join(unused)} has no effect, because the {whose} has its own range: remove it")
         if self.low == self.high:
             raise ValueError(f"low and high are equal ({self.low:g}): write two different shares of the travel")
         return self
@@ -185,6 +194,13 @@ class DisturbanceConfig(Section):
     name: str
     at_s: float | None = Field(default=None, ge=0)
     between_s: tuple[float, float] | None = None
+
+    @property
+    def latest_s(self) -> float:
+        """The latest time at which the fault may begin, s."""
+        latest_s = self.at_s if self.between_s is None else self.between_s[1]
+        assert latest_s is not None
+        return latest_s
 
     @model_validator(mode="after")
     def _one_time(self) -> Self:

@@ -41,6 +41,7 @@ USELESS = [
     (TRACK, "record", '"a.csv"'),
     (TRACK, "rig.feedback.adapt", "true"),
     (TRACK + 'model = "wire.json"\n', "fit", '{kind = "duhem"}'),
+    (TRACK + 'model = "wire.json"\n', "rig.excitation", "{reversals = 3}"),
     (IDENTIFY, "controller", '"inverse"'),
     (IDENTIFY, "reference", '"slow"'),
     (IDENTIFY, "disturbance", '"draft"'),
@@ -92,3 +93,22 @@ def test_random_wires_and_repeats_have_no_effect_on_a_fit(checked, counted, key)
 )
 def test_keys_with_an_effect_are_accepted(checked, run, vary):
     checked(run, vary)
+
+
+@pytest.mark.parametrize("text", ['shape = "sine:period_s=56,low_mm=2,high_mm=9"', 'file = "a.csv"'])
+@pytest.mark.parametrize("key", ["low", "high"])
+def test_share_of_the_travel_without_an_effect_is_an_error(tmp_path, text, key):
+    campaign = tmp_path / "campaign.toml"
+    campaign.write_text(f'title = "x"\n[run]\nreference = "a"\n[references.a]\n{text}\n{key} = 0.4\n')
+    with pytest.raises(ConfigError) as caught:
+        load_plan(str(campaign))
+    assert f"{key} has no effect" in str(caught.value)
+
+
+@pytest.mark.parametrize("times", ["at_s = 1000.0", "between_s = [5.0, 1000.0]"])
+def test_disturbance_after_the_end_of_the_reference_is_an_error(checked, times):
+    late = f'[[disturbances.late]]\nname = "draft"\n{times}\nfactor = 1.6\nfor_s = 5.0\n'
+    with pytest.raises(ConfigError) as caught:
+        checked(f'{TRACK}disturbance = "late"\n{late}')
+    assert caught.value.where == "disturbance 'draft'"
+    assert caught.value.limit
