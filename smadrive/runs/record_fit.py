@@ -64,7 +64,7 @@ def fit_file(path: Path, columns: tuple[str, str], settings: FitSettings) -> Rec
     if LOG.has_ending(path):
         check_log_columns(path, columns)
         return fit_log(read_log(path), settings)
-    if not TABLE.has_ending(path):
+    if not TABLE.has_ending(path) and path.exists():  # read_table names a missing file
         raise DataError(
             "neither a log nor a CSV", where=path, cure="give the log (.h5) of `smadrive excite`, or a .csv"
         )
