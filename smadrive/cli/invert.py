@@ -13,7 +13,7 @@ from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.display.card import count_text
 from smadrive.errors import DataError
 from smadrive.files.atomic import check_output
-from smadrive.files.csv_table import read_table, write_table
+from smadrive.files.csv_table import read_table, replaced_caveats, write_table
 from smadrive.files.kinds import TABLE
 from smadrive.hysteresis import HysteresisModel, InverseFeedforward, load_model
 
@@ -42,10 +42,14 @@ def main(
     result = InverseFeedforward(loaded).trajectory(setpoint, v0)
     if not result.reachable.any():
         raise _nothing_in_reach(csv, output_column, setpoint, loaded)
+    caveats = replaced_caveats(table, input_column, "--input")
     write_table(output_file, table.cells, {input_column: result.v, "reachable": result.reachable.astype(np.float64)})
     unreachable = int((~result.reachable).sum())
+    output.warn(caveats)
     output.say(f"{output_file}: {count_text(len(setpoint), 'sample')}, {unreachable} of them out of reach")
-    output.result({"samples": len(setpoint), "unreachable": unreachable, "output_file": str(output_file)})
+    output.result(
+        {"samples": len(setpoint), "unreachable": unreachable, "output_file": str(output_file), "caveats": caveats}
+    )
 
 
 def _nothing_in_reach(csv: Path, column: str, setpoint: NDArray[np.float64], model: HysteresisModel) -> DataError:

@@ -30,7 +30,8 @@ ANOTHER_NAME = "choose another name"
 def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
     """Raise DataError when a command that reads `inputs` must not write a file of `kind` to `path`.
 
-    The reasons are: a wrong ending of the name, `path` is one of the `inputs`, or `path` is an existing record.
+    The reasons are: a wrong ending of the name, `path` is one of the `inputs`, `path` is an existing record, or its
+    folder does not exist.
     """
     if not kind.has_ending(path):
         endings = " or ".join(kind.endings)
@@ -40,6 +41,8 @@ def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
             raise DataError("is an input of this command, which would overwrite it", where=path, cure=ANOTHER_NAME)
     if kind.is_record and os.path.lexists(path):
         raise _exists(path)
+    if not path.parent.exists():
+        raise _without_folder(path)
 
 
 def unused_record(stem: str, kind: FileKind) -> Path:
@@ -132,7 +135,11 @@ def _exists(path: Path) -> DataError:
 
 def _unwritable(path: Path, error: OSError) -> DataError:
     if not path.parent.exists():
-        return DataError("cannot be written: its folder does not exist", where=path, cure=f"create {path.parent} first")
+        return _without_folder(path)
     return DataError(
         f"cannot be written: {error.strerror or error}", where=path, cure="check the folder and its free space"
     )
+
+
+def _without_folder(path: Path) -> DataError:
+    return DataError("cannot be written: its folder does not exist", where=path, cure=f"create {path.parent} first")

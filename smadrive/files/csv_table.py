@@ -75,9 +75,9 @@ class Table:
 
 
 def _other_unit(name: str, names: Iterable[str]) -> str:
-    """Return the cure if one of the `names` is `name` with another unit, as time_ms and time_s; otherwise ""."""
+    """Return the cure if one of the `names` is `name` with another unit or none, as time_ms; otherwise ""."""
     quantity, _, unit = name.rpartition("_")
-    other = next((one for one in names if quantity and one.rpartition("_")[0] == quantity), None)
+    other = next((one for one in names if quantity in (one, one.rpartition("_")[0])), None) if quantity else None
     return "" if other is None else f"convert the column '{other}' to {unit}, and rename it to '{name}'"
 
 
@@ -149,6 +149,13 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         raise DataError(NO_TEXT, where=path, cure=NO_TEXT_CURE) from None
     except (OSError, ValueError, csv.Error) as error:
         raise DataError(f"cannot be read as CSV: {error}", where=path) from None
+
+
+def replaced_caveats(table: Table, computed: str, option: str) -> tuple[str, ...]:
+    """Return a caveat if a `computed` column replaces a column of `table`; `option` gives it another name."""
+    if computed not in table.cells:
+        return ()
+    return (f"the computed column '{computed}' replaces that of {table.path}: choose another name with {option}",)
 
 
 def write_table(path: Path, carried: Mapping[str, list[str]], added: Mapping[str, Array]) -> None:

@@ -125,7 +125,7 @@ def _require_loop(path: FloatArray, span: float) -> None:
         if share < _LEAST_COVERAGE:
             what = f"less than one full loop, because it covers too small a part of the input span of {span:g}"
             value, limit = f"{100 * share:.0f} %", f"{100 * _LEAST_COVERAGE:.0f} %"
-            cure = "record a full loop"
+            cure = "record a full loop, or choose the column of the temperature as the input"
             raise IdentificationError(what, where=f"{name} input", value=value, limit=limit, cure=cure)
 
 

@@ -78,13 +78,15 @@ def test_identify_simulate_and_invert_work_on_files(data):
     assert page.count("<img") == 2
     assert "with standard errors" in page
 
-    succeed("simulate", "model.json", "wire.csv", "--output", "strain", "-o", "simulated.csv", cwd=data)
+    simulated = succeed("simulate", "model.json", "wire.csv", "--output", "strain", "-o", "simulated.csv", cwd=data)
+    assert "'strain' replaces" in simulated["caveats"][0]
     header = (data / "simulated.csv").read_text().splitlines()[0]
     assert header == "temperature_c,note,strain"
 
     inverted = succeed("invert", "model.json", "simulated.csv", "--output", "strain", "-o", "inverted.csv", cwd=data)
     assert inverted["unreachable"] == 0
-    succeed("simulate", "model.json", "inverted.csv", "--output", "again", "-o", "again.csv", cwd=data)
+    again = succeed("simulate", "model.json", "inverted.csv", "--output", "again", "-o", "again.csv", cwd=data)
+    assert not again["caveats"]
     expected, got = (column(data / "again.csv", name) for name in ("strain", "again"))
     np.testing.assert_allclose(got, expected, atol=1e-8 * 0.04)
 
@@ -326,6 +328,7 @@ WRONG = [
     ("a decimal comma in a shape", (*RUN, "--model", "loop.json", "--reference", "sine:low_mm=1,5"), 2, "Write 1.5"),
     ("columns of a log", ("identify", "kept.h5", *STRAIN), 2, "kept.h5: the columns of a log cannot be chosen (strain"),
     ("constant input", ("identify", "flat.csv", *STRAIN), 5, "constant"),
+    ("an input in kelvin", ("simulate", "loop.json", "kelvin.csv", "-o", "o.csv"), 2, "describes no value of"),
     ("no such model", ("simulate", "absent.json", "wire.csv", "-o", "o.csv"), 2, "absent.json"),
     ("a model that is no JSON", ("simulate", "text.md", "wire.csv", "-o", "o.csv"), 2, "text.md: not a JSON file"),
     ("unwritable model", ("identify", "wire.csv", "--output", "strain", "-o", "no/m.json"), 2, "no/m.json"),
@@ -387,6 +390,7 @@ def test_error_is_one_line_with_its_exit_code_and_writes_nothing(data, arguments
     (data / "text.csv").write_text("temperature_c,strain\n20,0.04\n21,high\n")
     (data / "nan.csv").write_text("temperature_c,strain\n20,0.04\n21,nan\n")
     (data / "flat.csv").write_text("temperature_c,strain\n" + "20,0.04\n" * 100)
+    (data / "kelvin.csv").write_text("temperature_c\n293\n393\n")
     (data / "key.toml").write_text(rig_text("current_max_a", "curent_max_a"))
     (data / "milli.toml").write_text(rig_text("current_max_a = 0.6", "current_max_a = 600"))
     (data / "quoted.toml").write_text(rig_text("current_max_a = 0.6", "current_max_a = '0.6'"))

@@ -160,6 +160,12 @@ def test_ending_of_another_kind_is_an_error(tmp_path, name):
     check_output(tmp_path / "run.H5", LOG)
 
 
+def test_missing_folder_is_an_error_before_anything_is_computed(tmp_path):
+    with pytest.raises(DataError) as caught:
+        check_output(tmp_path / "no" / "f.json", MODEL)
+    assert caught.value.where == str(tmp_path / "no" / "f.json")
+
+
 @pytest.mark.parametrize("link", [os.symlink, os.link])
 def test_input_is_not_overwritten_under_any_name(tmp_path, link):
     (tmp_path / "a.csv").write_text("data")

@@ -135,9 +135,10 @@ def test_table_beyond_the_largest_size_is_an_error(tmp_path):
     assert caught.value.limit == MOST_BYTES
 
 
-def test_column_in_another_unit_is_to_be_converted_and_renamed(tmp_path):
+@pytest.mark.parametrize("name", ["time_ms", "time"])
+def test_column_in_another_unit_is_to_be_converted_and_renamed(tmp_path, name):
     path = tmp_path / "ms.csv"
-    path.write_text("time_ms,displacement_mm\n0,1\n1000,2\n")
+    path.write_text(f"{name},displacement_mm\n0,1\n1000,2\n")
     with pytest.raises(DataError) as error:
         read_table(path).column("time_s")
-    assert error.value.cure == "convert the column 'time_ms' to s, and rename it to 'time_s'"
+    assert error.value.cure == f"convert the column '{name}' to s, and rename it to 'time_s'"

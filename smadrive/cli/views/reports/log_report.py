@@ -105,7 +105,7 @@ def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator
         yield f"{summary.rms_percent:.2f} %", "RMS error, of the stroke"
         yield f"{summary.max_percent:.2f} %", "largest error"
     yield quantity(summary.temperature_max_c, 1, "°C"), "hottest reading"
-    yield quantity(summary.current_max_a, 3, "A"), f"largest current, limit {limit_a:g} A"
+    yield quantity(summary.current_max_a, 3, "A"), f"largest measured current, limit {limit_a:g} A"
     yield quantity(summary.energy_j, 0, "J"), "electrical energy"
     rarely = 0.0 < summary.limited_percent < 0.1
     yield "< 0.1 %" if rarely else f"{summary.limited_percent:.1f} %", "of the time at a limit"
