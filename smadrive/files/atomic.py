@@ -16,7 +16,7 @@ from __future__ import annotations
 import os
 import secrets
 import stat
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from itertools import count
 from pathlib import Path
@@ -45,13 +45,13 @@ def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
         raise _without_folder(path)
 
 
-def unused_record(stem: str, kind: FileKind) -> Path:
+def unused_record(stem: str, kind: FileKind, reserved: Collection[Path] = ()) -> Path:
     """Return the first of STEM.h5, STEM-2.h5, STEM-3.h5, … that does not exist in the current folder.
 
-    STEM is `stem`; the ending is the first ending of `kind`.
+    STEM is `stem`; the ending is the first ending of `kind`. `reserved` are absolute paths that are skipped, too.
     """
-    names = (f"{stem}{'' if number == 1 else f'-{number}'}{kind.endings[0]}" for number in count(1))
-    return next(Path(name) for name in names if not os.path.lexists(name))
+    paths = (Path(f"{stem}{'' if number == 1 else f'-{number}'}{kind.endings[0]}") for number in count(1))
+    return next(path for path in paths if not os.path.lexists(path) and path.absolute() not in reserved)
 
 
 @contextmanager

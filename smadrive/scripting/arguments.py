@@ -5,16 +5,13 @@ from __future__ import annotations
 import os
 from dataclasses import fields
 from math import isfinite
-from pathlib import Path
-from typing import Literal, Protocol
+from typing import Protocol
 
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.step import LONGEST_S, ManualStep
 from smadrive.control.references.limits import check_rig_limits
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
-from smadrive.files.atomic import check_output, unused_record
-from smadrive.files.kinds import LOG
 from smadrive.files.number_text import shortened
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.numerics.scalars import real_number, whole_number
@@ -91,15 +88,6 @@ def cycling_of_argument(reference: Reference, repeat: int | None) -> Cycling | N
     cycles = whole_number(repeat, "repeat", "cycles", 1)
     reference.repeated(cycles, RETURN_S)
     return Cycling(cycles)
-
-
-def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run", "servo"]) -> Path:
-    """Return the path of a new log. Without `log` this is KIND.h5 or, if it exists, KIND-2.h5 and so on."""
-    if log is None:
-        return unused_record(kind, LOG)
-    path = Path(path_text(log, "log", "the path of a file to write, such as 'run.h5'"))
-    check_output(path, LOG)
-    return path
 
 
 def path_text(value: object, name: str, wanted: str) -> PathText:

@@ -18,13 +18,13 @@ from smadrive.scripting.arguments import (
     WireLike,
     cooling_time_s,
     cycling_of_argument,
-    new_log,
     reference_of_argument,
     rig_of,
     source_of_argument,
     step_of_arguments,
     wire_of_argument,
 )
+from smadrive.scripting.log_names import new_log
 from smadrive.scripting.loop.messages import (
     ClearFaultsRequest,
     CoolDownRequest,
@@ -66,7 +66,7 @@ class OpenRig(RigConnection):
 
         Without `log` the file is excitation.h5 or, if it exists, excitation-2.h5 and so on. TripError after a trip.
         """
-        path = new_log(log, "excitation")
+        path = new_log(self, log, "excitation")
         return self._run("exciting", ExciteRequest(path.absolute()), path)
 
     def heat(
@@ -84,7 +84,7 @@ class OpenRig(RigConnection):
         Without `log` the file is heat.h5 or, if it exists, heat-2.h5 and so on. ConfigError for a value beyond a limit
         of the rig. TripError after a trip.
         """
-        step, path = step_of_arguments(duration_s, current_a, temperature_c), new_log(log, "heat")
+        step, path = step_of_arguments(duration_s, current_a, temperature_c), new_log(self, log, "heat")
         return self._run(f"heating, {step}", HeatRequest(path.absolute(), step), path)
 
     def track(
@@ -106,7 +106,7 @@ class OpenRig(RigConnection):
         reference is repeated, and `run.cycles` are the metrics of each cycle. `displacement_from` is "sensor",
         "resistance" or "none"; by default the rig file decides. TripError after a trip.
         """
-        path, identified, given = new_log(log, "run"), wire_of_argument(wire), reference_of_argument(reference)
+        path, identified, given = new_log(self, log, "run"), wire_of_argument(wire), reference_of_argument(reference)
         check_reach(given, identified)
         cycling, chosen = cycling_of_argument(given, repeat), source_of_argument(displacement_from)
         request = TrackRequest(path.absolute(), given, identified, bool(smooth), cycling, chosen)
@@ -135,7 +135,7 @@ class OpenRig(RigConnection):
         ControllerError if `update` returns no command or a current far beyond current_max_a, or takes too long.
         """
         check_controller(controller, duration_s)
-        path = new_log(log, "run")
+        path = new_log(self, log, "run")
         length_s = None if duration_s is None else float(duration_s)
         request = DriveRequest(path.absolute(), controller, length_s, wire_of_argument(wire))
         return self._run("driving", request, path)
@@ -176,7 +176,7 @@ class OpenRig(RigConnection):
         the next command.
         """
         self._check_free()
-        self._servo = Servo(self._client, wire_of_argument(wire), self.config.limits, new_log(log, "servo"))
+        self._servo = Servo(self._client, wire_of_argument(wire), self.config.limits, new_log(self, log, "servo"))
         return self._servo
 
 

@@ -73,3 +73,12 @@ def wire(rig, identified):
     device = SmaWire(rig, load_wire(identified.wire_file), name="wire", tolerance_mm=0.2)
     yield device
     device.stop()
+
+
+@pytest.fixture
+def other_wire(rig, identified):
+    """A second wire, on a rig of its own, whose logs go into the same folder."""
+    with smadrive.open_rig("in-process") as other_rig:
+        device = SmaWire(other_rig, load_wire(identified.wire_file), name="other", tolerance_mm=0.2)
+        yield device
+        device.stop()

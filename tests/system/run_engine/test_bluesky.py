@@ -4,6 +4,7 @@ from math import isnan
 
 import numpy as np
 import pytest
+from bluesky import plan_stubs as bps
 from bluesky import plans as bp
 from bluesky import preprocessors as bpp
 from bluesky import protocols
@@ -49,6 +50,13 @@ def test_scan_over_displacement(engine, documents, rig, wire):
     rows = documents.events()
     assert [row["wire_setpoint_mm"] for row in rows] == [2.0, 4.0, 6.0, 8.0]
     np.testing.assert_allclose([row["wire_displacement_mm"] for row in rows], [2.0, 4.0, 6.0, 8.0], atol=0.2)
+
+
+def test_two_wires_that_move_at_once_write_two_logs(engine, wire, other_wire):
+    engine(bps.mv(wire, 4.0, other_wire, 4.0))
+    assert wire.log_file != other_wire.log_file
+    for one in (wire, other_wire):
+        assert smadrive.read_log(one.log_file).ticks > 0
 
 
 def test_count_heats_nothing(engine, documents, rig, wire):
