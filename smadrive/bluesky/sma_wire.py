@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from smadrive.bluesky.flight import Flight
+from smadrive.bluesky.pending_motions import PendingMotions
 from smadrive.bluesky.readings import Readings, WireSample
 from smadrive.bluesky.servo_end import end_servo
 from smadrive.bluesky.setpoint import Setpoint
@@ -62,7 +63,7 @@ class SmaWire:
         self._idle: WireSample | None = None
         self._reference: Reference | None = None
         self._flight: Flight | None = None
-        self._pending: list[Motion] = []
+        self._pending = PendingMotions()
 
     @property
     def hints(self) -> dict[str, Any]:
@@ -88,7 +89,7 @@ class SmaWire:
         self.check_value(value)
         motion = self._running_servo().move(value, **self._settings.options._asdict())
         self._setpoint.set(float(value))
-        return self._followed(motion)
+        return self._pending.add(motion)
 
     def locate(self) -> dict[str, float]:
         """Return `setpoint` and `readback`, the displacement, in mm. Without a setpoint, both are the displacement."""
@@ -98,7 +99,7 @@ class SmaWire:
     def trigger(self) -> Motion:
         """Take a fresh measurement: the next tick of the servo or, if no servo runs, a measurement at zero current."""
         if self._servo is not None and self._servo.is_running:
-            return self._followed(self._servo.sample())
+            return self._pending.add(self._servo.sample())
         self._idle = self._measured()
         motion = Motion("measurement")
         motion.finish()
@@ -142,15 +143,16 @@ class SmaWire:
     def stop(self, success: bool = True) -> None:
         """Switch the heater off, confirmed by read-back. If `success` is False, the motions under way fail.
 
-        Otherwise they end with success. An error is raised only if the heater is not confirmed off. A trip raises no
-        error here, because the status of the interrupted motion has failed already. In a callback of a status this
-        method only requests the end: a callback must not wait for the read-back.
+        Otherwise they end with success, but a flight before the end of its reference fails. An error is raised only if
+        the heater is not confirmed off. A trip raises no error here, because the status of the interrupted motion has
+        failed already. In a callback of a status this method only requests the end: a callback must not wait for the
+        read-back.
         """
         self._setpoint.stop()
         self._end(None if success else MotionError("was stopped", where=self.name))
 
     def pause(self) -> None:
-        """Switch the heater off, and keep the setpoint for `resume`."""
+        """Switch the heater off, and keep the setpoint for `resume`. A flight fails, and does not go on."""
         self._setpoint.pause(is_held=self._servo is not None and self._servo.is_running)
         self._end(None)
 
@@ -191,11 +193,16 @@ class SmaWire:
             raise ConfigError("a flyer must be staged", where=self.name, cure=cure)
         self._flight = Flight(self._running_servo(), self._reference)
         self._setpoint.release()
-        self._followed(self._flight.flown)
-        return self._followed(self._flight.approach)
+        cure = "begin a new flight with kickoff"
+        cut = MotionError("the flight was ended before the end of its reference", where=self.name, cure=cure)
+        self._pending.add(self._flight.flown, cut)
+        return self._pending.add(self._flight.approach)
 
     def complete(self) -> Motion:
-        """Return the status of the flight, which is done at the end of the reference. ConfigError before `kickoff`."""
+        """Return the status of the flight, which is done at the end of the reference. ConfigError before `kickoff`.
+
+        The status has failed with MotionError after `stop`, `pause` or `unstage` before the end of the reference.
+        """
         if self._flight is None:
             raise ConfigError("nothing flies", where=self.name, cure="call kickoff before")
         return self._flight.flown
@@ -210,21 +217,14 @@ class SmaWire:
             yield from map(self._readings.event, self._flight.samples())
 
     def _end(self, error: MotionError | None) -> None:
-        """End the motions under way, with this error or with success, and switch the heater off."""
-        pending, self._pending = self._pending, []
-        ended = [motion for motion in pending if motion.decide(error)]
+        """End the motions under way, with this error or with success, and switch the heater off. A flight fails."""
+        ended = self._pending.decide(error)
         if self._servo is not None:
             self._servo.request_end()
         for motion in ended:
             motion.call_back()
         if self._servo is not None:
             end_servo(self._servo, self._rig)
-
-    def _followed(self, motion: Motion) -> Motion:
-        """Keep the motion, so that `stop` can end it."""
-        self._pending = [one for one in self._pending if not one.done]
-        self._pending.append(motion)
-        return motion
 
     def _running_servo(self) -> Servo:
         if self._servo is None or not self._servo.is_running:

@@ -10,12 +10,12 @@ import pytest
 from bluesky import plan_stubs as bps
 from bluesky import plans as bp
 from bluesky import preprocessors as bpp
-from bluesky.utils import RunEngineInterrupted
+from bluesky.utils import FailedStatus, RunEngineInterrupted
 from served import PATIENT, served, with_limits
 
 import smadrive
 from smadrive.bluesky import SmaWire
-from smadrive.errors import ConfigError, StoppedError
+from smadrive.errors import ConfigError, MotionError, StoppedError
 from smadrive.files.shipped import configs_dir
 from smadrive.rig.config import load_rig
 
@@ -71,6 +71,26 @@ def test_abort_of_a_flight_ends_at_zero_current(engine, documents, rig, wire):
         engine(plan())
     assert is_off(rig, wire)
     assert documents.of("stop")[0]["exit_status"] == "fail"
+
+
+def test_flight_that_a_pause_has_ended_fails(engine, documents, rig, wire):
+    @bpp.stage_decorator([wire])
+    @bpp.run_decorator()
+    def plan():
+        yield from bps.prepare(wire, smadrive.sine(low_mm=3, high_mm=7, period_s=2000, cycles=1), wait=True)
+        yield from bps.kickoff(wire, wait=True)
+        yield from bps.checkpoint()
+        yield from bps.pause()
+        yield from bps.complete(wire, wait=True)
+
+    with pytest.raises(RunEngineInterrupted):
+        engine(plan())
+    assert is_off(rig, wire)
+    with pytest.raises(FailedStatus) as failed:
+        engine.resume()
+    assert isinstance(failed.value.args[0].exception(), MotionError)
+    assert documents.of("stop")[0]["exit_status"] == "fail"
+    assert is_off(rig, wire)
 
 
 def test_interruption_during_a_move_ends_at_zero_current(engine, documents, rig, wire):
