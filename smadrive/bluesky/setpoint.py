@@ -66,9 +66,19 @@ class Setpoint:
         is_ended = self._paused_task is not None and self._paused_task.done()
         return None if self._paused is None or is_ended else self._paused.value_mm
 
+    @property
+    def paused_task(self) -> asyncio.Task[Any] | None:
+        """The asyncio task that has called the latest `pause`; None outside an event loop."""
+        return self._paused_task
+
     def resume(self) -> None:
         """Put the setpoint that the pause has kept in force again, as a setpoint of the plan that has set it."""
         self._in_force, self._paused = self._paused, None
+
+    def pause_again(self) -> None:
+        """Undo `resume`: take the setpoint out of force, and keep it for the next `resume`."""
+        if self._in_force is not None:
+            self._in_force, self._paused = None, self._in_force
 
 
 def _current_task() -> asyncio.Task[Any] | None:

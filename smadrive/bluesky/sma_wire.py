@@ -8,14 +8,16 @@ every staged device, also a flyer. So `kickoff` needs a staged wire: the abort t
 
 from __future__ import annotations
 
-import asyncio
+import inspect
 import time
-from collections.abc import Iterator
+from collections.abc import Coroutine, Iterator
 from typing import Any
 
 from smadrive.bluesky.flight import Flight
+from smadrive.bluesky.paused_engine import ResumeCall
 from smadrive.bluesky.pending_motions import PendingMotions
 from smadrive.bluesky.readings import Readings, WireSample
+from smadrive.bluesky.return_move import ReturnMove
 from smadrive.bluesky.servo_end import end_servo
 from smadrive.bluesky.setpoint import Setpoint
 from smadrive.bluesky.settings import SmaWireSettings
@@ -64,6 +66,7 @@ class SmaWire:
         self._reference: Reference | None = None
         self._flight: Flight | None = None
         self._pending = PendingMotions()
+        self._return = ReturnMove(name, self._setpoint)
 
     @property
     def hints(self) -> dict[str, Any]:
@@ -156,21 +159,14 @@ class SmaWire:
         self._setpoint.pause(is_held=self._servo is not None and self._servo.is_running)
         self._end(None)
 
-    async def resume(self) -> None:
-        """Move to the setpoint that the pause has ended, and return when the wire has settled there.
+    def resume(self) -> Coroutine[Any, Any, None]:
+        """Return a coroutine that moves to the setpoint that the pause has ended, until the wire has settled there.
 
         A run engine repeats only what the plan has done since its last checkpoint, and this need not contain the `set`.
-        If the pause has ended no setpoint, nothing moves. If the move fails, its error is raised with the heater off.
+        See `ReturnMove.run` for errors. If `RE.resume()`, which calls this method, fails or is interrupted before the
+        engine goes on, the heater is switched off. Only the engine itself may call this method while it is paused.
         """
-        setpoint_mm = self._setpoint.paused_mm
-        if setpoint_mm is None:
-            return
-        motion = self.set(setpoint_mm)
-        self._setpoint.resume()
-        error = await asyncio.to_thread(motion.exception, None)
-        if error is not None:
-            self.stop()
-            raise error
+        return self._return.run(ResumeCall(inspect.currentframe()), self.set, self._end)
 
     def prepare(self, value: ReferenceLike) -> Motion:
         """Choose the reference that `kickoff` tracks. ConfigError if it leaves the travel or the limits of the rig."""
