@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import os
-import select
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable
-from contextlib import suppress
 from dataclasses import replace
 from types import TracebackType
-from typing import IO, Self
+from typing import Self
 from weakref import WeakSet
 
+from smadrive.devices.guardian.channel import Channel, Reply
 from smadrive.devices.guardian.duty import relieve
 from smadrive.devices.guardian.states import REASONS, WatchState
 from smadrive.devices.guardian.task import (
@@ -31,17 +30,18 @@ from smadrive.devices.guardian.task import (
 from smadrive.devices.identity import Identity
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at
-from smadrive.devices.state.lock import NO_DESCRIPTOR, LineLock
+from smadrive.devices.state.lock import NO_DESCRIPTOR, LineLock, Role
 from smadrive.errors import SafetyError, TakenOverError
+from smadrive.modbus.transports.connect import latency_s_of
 from smadrive.posix import released_in_children
 
 STARTS_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
 FREES_WITHIN_S = 5.0
+"""The driver waits this time, and the response time of the device, for its ports. It then kills a silent guardian."""
 TAKES_WITHIN_S = 1.0
 PATIENCE = 2.0
 """The driver waits `PATIENCE * timeout_s` for an answer of the guardian, which takes over after `timeout_s`."""
-MANY = 4096
 COMMAND = (sys.executable, "-P", "-m", "smadrive.devices.guardian.process")
 """The command that starts a guardian. With -P, no file in the working directory can replace the module."""
 
@@ -58,8 +58,7 @@ class GuardianClient:
         self._give_way = give_way
         self._locks: list[LineLock] = []
         self._state = WatchState.STANDING_BY
-        self._gone = False
-        self._answered_s = 0.0
+        self._frees_within_s = FREES_WITHIN_S
 
     def share(self, locks: Iterable[LineLock]) -> None:
         """Set the locks of the line that the guardian inherits. Call this before the guardian starts."""
@@ -76,7 +75,7 @@ class GuardianClient:
             start_new_session=True,  # Ctrl-C must end the driver only
             pass_fds=[lock.descriptor for lock in self._locks],
         )
-        self._to, self._from = _piped(self._process.stdin), _piped(self._process.stdout)
+        self._channel = Channel(self._process.stdin, self._process.stdout)
         _clients.add(self)
         return self
 
@@ -88,27 +87,24 @@ class GuardianClient:
         """
         device = replace(self._task.device, identity=dict(identity))
         profile = load_profile(device.profile)
+        self._frees_within_s = FREES_WITHIN_S + profile.timing.response_timeout_ms / 1e3 + latency_s_of(device.url)
         relieve(key_at(device.url, profile, device.unit_id).with_identity(profile, identity))
         shared = tuple(SharedLock(lock.line, lock.descriptor) for lock in self._locks)
-        with suppress(OSError):  # after a failed write the guardian does not send READY: SafetyError below
-            self._to.write(replace(self._task, device=device, locks=shared).to_json())
-        ready, _, _ = select.select((self._from,), (), (), STARTS_WITHIN_S)
-        if not ready or self._from.read(1) != READY:
+        self._channel.write(replace(self._task, device=device, locks=shared).to_json())
+        if self._channel.first_byte(STARTS_WITHIN_S) != READY:
             self._process.kill()
             raise SafetyError(
                 "the guardian did not start, and a source without a watchdog must not heat without a guardian",
                 where="guardian",
                 cure="install smadrive, or set PYTHONPATH to it",
             )
-        os.set_blocking(self._to.fileno(), False)
-        os.set_blocking(self._from.fileno(), False)
+        self._channel.do_not_wait()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Close the pipes. The guardian then ends, but first switches the source off if it is not confirmed off."""
-        self._to.close()
-        self._from.close()
+        self._channel.close()
         if self._state is not WatchState.STANDING_BY:
             return
         try:
@@ -118,15 +114,14 @@ class GuardianClient:
 
     def close_inherited(self) -> None:
         """Close the pipes in a forked child: the guardian must notice the end of the driver, not of the child."""
-        self._to.close()
-        self._from.close()
+        self._channel.close()
         self._state = WatchState.STANDING_BY
 
     def watch(self) -> None:
         """Tell the guardian that heating begins; SafetyError when the guardian is gone."""
-        self._from.read(MANY)  # drops the answers of the previous watch
-        self._answered_s = time.monotonic()
-        if not self._send(WATCH):
+        self._channel.received()  # drops the answers of the previous watch
+        self._channel.answered_s = time.monotonic()
+        if not self._channel.send(WATCH):
             raise _gone()
         if self._state is WatchState.STANDING_BY:  # only `take_back` ends a take-over
             self._state = WatchState.WATCHED
@@ -138,23 +133,20 @@ class GuardianClient:
         """
         if self._state is WatchState.STANDING_BY:
             return
-        answer = self._from.read(MANY)  # None if there is no answer, empty if the guardian has ended
-        self._gone = answer == b""
-        if TAKEN in (answer or b""):
+        if TAKEN in self._channel.received():
             self._state = WatchState.TAKEN_OVER
             self._give_way()
-            self._send(GIVES_WAY)
+            self._channel.send(GIVES_WAY)
         if (reason := REASONS.get(self._state)) is not None:
             raise TakenOverError(f"the guardian has taken over, because {reason}")
-        if answer:
-            self._answered_s = time.monotonic()
-        self._send(HEARTBEAT)
+        self._channel.send(HEARTBEAT)
 
     def check(self) -> None:
         """Send a heartbeat before a command; SafetyError when the guardian no longer answers."""
         self.heartbeat()
-        silent_s = time.monotonic() - self._answered_s
-        if self._state is WatchState.WATCHED and (self._gone or silent_s > PATIENCE * self._task.timeout_s):
+        silent_s = time.monotonic() - self._channel.answered_s
+        is_silent = self._channel.has_ended or silent_s > PATIENCE * self._task.timeout_s
+        if self._state is WatchState.WATCHED and is_silent:
             raise _gone()
 
     def hand_over(self) -> bool:
@@ -166,63 +158,53 @@ class GuardianClient:
         if self._state is not WatchState.WATCHED:
             return False
         self._give_way()
-        if self._is_answered(HAND_OVER, TAKEN, TAKES_WITHIN_S):
+        if self._channel.ask(HAND_OVER, TAKEN, TAKES_WITHIN_S) is Reply.ANSWERED:
             self._state = WatchState.HANDED_OVER
         return self._state is WatchState.HANDED_OVER
 
     def take_back(self) -> None:
         """After a take-over or a hand-over, wait until the guardian has finished, and get the ports back.
 
-        SafetyError when the guardian does not finish in time. The guardian then continues its attempts to switch off.
+        A guardian that gives no sign of life for `FREES_WITHIN_S` and the response time of the device is killed: the
+        driver goes on alone. SafetyError when the guardian works but does not finish in this time. It then continues
+        its attempts to switch off.
         """
-        if self._state in REASONS:
-            if not self._is_freed():
+        if self._state not in REASONS:
+            return
+        match self._freed():
+            case Reply.WORKING:
                 raise SafetyError(
                     "the guardian has taken over and could not confirm yet that the heater is off",
                     where="guardian",
-                    limit=f"{FREES_WITHIN_S:g} s",
+                    limit=f"{self._frees_within_s:g} s",
                     cure="cut the supply of the heater",
                 )
-            self._state = WatchState.STANDING_BY
+            case Reply.SILENT:
+                self._end()
+            case Reply.ANSWERED | Reply.ENDED:
+                pass
+        self._state = WatchState.STANDING_BY
 
     def stand_down(self) -> None:
         """End the watch after the driver has confirmed the source off.
 
-        If the guardian is taking over at this moment, wait until it has finished; after `FREES_WITHIN_S` kill it.
+        If the guardian is taking over at this moment, wait until it has finished; if that takes too long, kill it.
         """
         if self._state is not WatchState.STANDING_BY:
             self._state = WatchState.STANDING_BY
-            if not self._is_freed():
-                self._end()  # the guardian stands still: later it could use the ports while another program uses them
+            if self._freed() in (Reply.WORKING, Reply.SILENT):
+                self._end()  # later it could use the ports while another program uses them
 
     def _end(self) -> None:
+        """Kill the guardian. The line then belongs to the driver alone."""
         self._process.kill()
         self._process.wait()
+        for lock in self._locks:
+            lock.hold_as(Role.DRIVER, os.getpid())
 
-    def _is_freed(self) -> bool:
-        """Ask the guardian for the ports. Return True when they are free, False after `FREES_WITHIN_S`.
-
-        If the guardian process has ended, the ports are free, too.
-        """
-        return self._is_answered(STAND_DOWN, FREE, FREES_WITHIN_S) or self._gone
-
-    def _is_answered(self, request: bytes, answer: bytes, within_s: float) -> bool:
-        """Send a request, and return True after the answer. Return False if none arrives, or the guardian has ended."""
-        give_up_s = time.monotonic() + within_s
-        self._send(request)
-        while (left_s := give_up_s - time.monotonic()) > 0:
-            select.select((self._from,), (), (), left_s)
-            received = self._from.read(MANY)
-            self._gone = received == b""
-            if self._gone or answer in (received or b""):
-                return not self._gone
-        return False
-
-    def _send(self, signal: bytes) -> bool:
-        """Write a signal and return True if that succeeded. The guardian may be gone or stand still."""
-        with suppress(OSError):
-            return bool(self._to.write(signal))
-        return False
+    def _freed(self) -> Reply:
+        """Ask the guardian for the ports. They are free after ANSWERED or ENDED."""
+        return self._channel.ask(STAND_DOWN, FREE, self._frees_within_s)
 
 
 _clients: WeakSet[GuardianClient] = released_in_children(lambda one: one.close_inherited())
@@ -234,8 +216,3 @@ def _gone() -> SafetyError:
         where="guardian",
         cure="end this program and start it again",
     )
-
-
-def _piped(end: IO[bytes] | None) -> IO[bytes]:
-    assert end is not None  # Popen was called with pipes
-    return end

@@ -17,7 +17,8 @@ closes its connections, sends `g`, then `r`, and waits. When the guardian has co
 answers `r` with `f` (free): the driver may use the ports, and the guardian is ready to watch again.
 
 The guardian answers `h` with `t`, switches off, and then sends `f`. It may find the device at a port that the driver
-does not know.
+does not know. Before every attempt and every use of a port, it sends `e`. A driver that waits for its ports kills a
+guardian that is silent.
 
     python -m smadrive.devices.guardian.process
 
@@ -189,6 +190,10 @@ def _message(result: AttemptResult, *, waits: bool) -> str:
     return f"{message}, or connect the device again. This guardian waits for it; to end the wait: kill -9 {os.getpid()}"
 
 
+def _show_life() -> None:
+    _answer(ECHO)
+
+
 def _answer(what: bytes) -> None:
     with contextlib.suppress(OSError):  # the driver has ended, or does not read the pipe
         os.write(DRIVER_FD, what)
@@ -197,7 +202,7 @@ def _answer(what: bytes) -> None:
 def _print(text: str) -> None:
     """Print to the terminal, which may be gone or stalled: wait at most `TERMINAL_WITHIN_S`.
 
-    Print nothing if the system has no thread or no memory left, because no error may end the guardian.
+    Print nothing if the system has no thread or no memory left.
     """
     line = f"smadrive guardian: {text}\n".encode()
 
@@ -224,7 +229,7 @@ def guard(task: Task, driver: DriverProcess) -> None:
         return
     with duty:
         access = LineAccess(task.locks)
-        switch = OffSwitch(device, profile, PortSearch(device.url, key.names, time.monotonic), access)
+        switch = OffSwitch(device, profile, PortSearch(device.url, key.names, time.monotonic), access, _show_life)
         guardian = Guardian(driver, switch, access, duty, task.timeout_s)
         use_real_time_scheduling(GUARDIAN_PRIORITY)
         _answer(READY)

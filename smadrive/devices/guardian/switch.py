@@ -17,7 +17,7 @@ from smadrive.devices.state.lock import LineLock, Role, lines_of, lock_line
 from smadrive.errors import BusyError, IdentityError
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import is_remote, open_transport
-from smadrive.modbus.transports.transport import Transport
+from smadrive.modbus.transports.transport import PortAccess, Transport
 
 
 class LineAccess:
@@ -62,13 +62,24 @@ class AttemptResult(NamedTuple):
 
 
 class OffSwitch:
-    """Switches the guarded device off, at the port at which the device is now."""
+    """Switches the guarded device off, at the port at which the device is now.
 
-    def __init__(self, device: GuardedDevice, profile: Profile, search: PortSearch, access: LineAccess) -> None:
+    `show_life` is called before each attempt and before each use of a port.
+    """
+
+    def __init__(
+        self,
+        device: GuardedDevice,
+        profile: Profile,
+        search: PortSearch,
+        access: LineAccess,
+        show_life: PortAccess = lambda: None,
+    ) -> None:
         self._device = device
         self._profile = profile
         self._search = search
         self._access = access
+        self._show_life = show_life
 
     def off(self, *, alone: bool) -> AttemptResult:
         """Try every port at which the device may be, and return the result. `alone` is True once the driver has ended.
@@ -76,6 +87,7 @@ class OffSwitch:
         Every error becomes an outcome with a text, because no error may end the guardian.
         """
         try:
+            self._show_life()
             return self._off_anywhere(alone=alone)
         except Exception as error:  # noqa: BLE001
             return AttemptResult(AttemptOutcome.UNREACHABLE, str(error))
@@ -107,7 +119,8 @@ class OffSwitch:
         return AttemptResult(AttemptOutcome.CONFIRMED, "heater off, confirmed by read-back")
 
     def _write_safe_state(self, url: str, *, exclusive: bool) -> None:
-        with open_transport(url, self._profile.serial_settings(), exclusive=exclusive) as transport:
+        settings = self._profile.serial_settings()
+        with open_transport(url, settings, exclusive=exclusive, port_access=self._show_life) as transport:
             device = self._device_on(transport)
             device.check_identity()
             device.enter_safe_state()

@@ -362,6 +362,24 @@ def test_stopped_guardian_is_killed_at_stand_down():
             assert error.value.where == "guardian"
 
 
+def test_stopped_guardian_is_killed_when_the_driver_wants_its_ports_back():
+    """The guardian cannot confirm the device off, because it expects another serial number."""
+    with served("riden-rd60xx") as (_, url):
+        task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=60.0)
+        with GuardianClient(task, lambda: None) as guard:
+            guard.configure({"serial_number": 2})
+            guard.watch()
+            assert guard.hand_over()
+            (process,) = guardians(os.getpid())
+            os.kill(process, signal.SIGSTOP)
+            guard.take_back()
+            assert not programs.lives(process)
+            guard.heartbeat()
+            with pytest.raises(SafetyError) as error:
+                guard.watch()
+            assert error.value.where == "guardian"
+
+
 def test_guardian_confirms_only_on_the_device_that_heated():
     with served("riden-rd60xx") as (_, url):
         task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)

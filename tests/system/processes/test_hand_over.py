@@ -54,6 +54,13 @@ class Stage:
         self._link.unlink()
         self.transport.disconnect()
 
+    def silence(self):
+        """Stop the simulator: the port exists, but no reply arrives."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def wake(self):
+        self._process.send_signal(signal.SIGCONT)
+
     def await_off(self):
         assert "output off" in self._process.stderr.readline()
 
@@ -119,3 +126,32 @@ def test_driver_whose_guardian_stands_still_goes_on_by_itself(heating):
     stage.heater.enter_safe_state()
     stage.await_off()
     assert not programs.lives(process)
+
+
+@pytest.mark.exhaustive
+def test_guardian_that_stops_after_the_hand_over_does_not_keep_the_heat_on(heating):
+    stage = heating(finds=False)
+    stage.unplug()
+    assert stage.guard.hand_over()
+    (process,) = guardians(os.getpid())
+    os.kill(process, signal.SIGSTOP)
+    stage.plug()
+    stage.heater.enter_safe_state()
+    stage.await_off()
+    assert not programs.lives(process)
+
+
+@pytest.mark.exhaustive
+def test_guardian_that_works_at_a_silent_device_keeps_the_line(heating):
+    stage = heating(finds=True)
+    stage.silence()
+    assert stage.guard.hand_over()
+    (process,) = guardians(os.getpid())
+    for _ in range(2):
+        with pytest.raises(SafetyError) as error:
+            stage.heater.enter_safe_state()
+        assert error.value.where == "guardian"
+    assert programs.lives(process)
+    stage.wake()
+    stage.await_off()
+    stage.heater.enter_safe_state()
