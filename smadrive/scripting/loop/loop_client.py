@@ -26,7 +26,7 @@ from smadrive.numerics.blas_threads import ONE_THREAD
 from smadrive.posix import check_posix
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.scripting.callbacks import check_may_wait
-from smadrive.scripting.loop.counted_interrupts import CountedInterrupts
+from smadrive.scripting.loop.interruptions import CountedInterrupts
 from smadrive.scripting.loop.messages import (
     COMMAND,
     END,

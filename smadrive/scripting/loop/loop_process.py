@@ -45,7 +45,7 @@ from smadrive.scripting.loop.script_link import ScriptLink
 def serve(link: ScriptLink) -> None:
     """Open the rig of the first request, then carry out requests until a CloseRequest. Each request gets a reply."""
     try:
-        opening: OpenRequest = link.request()
+        opening: OpenRequest = link.opening()
         sys.path[:] = opening.module_path
         with Rig(opening.config) as rig:
             link.stop_requested = lambda: rig.stop.requested

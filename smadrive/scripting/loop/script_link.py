@@ -3,7 +3,7 @@
 A thread receives the messages. It turns an interruption, and every end of the script, into a signal for the main
 thread. The signal ends a run at the next tick, never in the middle of an exchange with a device. As after Ctrl-C, the
 run ends at zero current, confirmed by read-back. In code that uses no device and may take long, such as a controller of
-the user, the signal acts at once.
+the user, the signal acts at once. interruptions.py has the rules as a table.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from smadrive.errors import ControllerError, SmadriveError, StoppedError
 from smadrive.runs.run_log import TickRecorder
 from smadrive.safety.shutdown import carry, keep_outcome, shutdown_of
 from smadrive.scripting.loop.code_origin import dumps
+from smadrive.scripting.loop.interruptions import AT_ONCE, INTERRUPTIBLE, Phase
 from smadrive.scripting.loop.messages import (
     COMMAND,
     END,
@@ -54,9 +55,9 @@ class ScriptLink:
         self._script = os.getppid()
         self._requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._commands: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        self._number = 0
-        self._is_interruptible = self._is_ending = False
-        self._acts_at_once = True
+        self._number, self._interrupted_number = 0, -1
+        self._phase = Phase.WAITING
+        self._is_ending = False
         self.stop_requested = never
         """Called at an interruption. True means that `smadrive off` sent the interruption; the rig is then closed."""
         self._pending: type[BaseException] | None = None
@@ -66,38 +67,60 @@ class ScriptLink:
             signal.signal(ending, self._end)
         threading.Thread(target=self._listen, name="link to the script", daemon=True).start()
 
-    def request(self) -> Any:
-        """Wait for the next request and return it.
+    def opening(self) -> Any:
+        """Wait for the first request and return it. No interruption acts until the rig is open.
 
         Raises ScriptEndedError if the script has ended, and any error of unpickling.
         """
+        return pickle.loads(self._next_request())  # noqa: S301 (of the same user)
+
+    def request(self) -> Any:
+        """Wait for the next request and return it. An interruption acts from its arrival until `interruptible` ends.
+
+        Raises ScriptEndedError if the script has ended, KeyboardInterrupt, and any error of unpickling.
+        """
+        data = self._next_request()
+        self._pending = None
+        with self._in(Phase.RESTORING, Phase.WAITING):
+            return pickle.loads(data)  # noqa: S301 (of the same user)
+
+    def _next_request(self) -> bytes:
+        """Wait for the next request, keep its number, and return its pickled content."""
+        self._phase = Phase.WAITING  # a signal may have cut the end of the phase before
         if self._is_ending:
             raise ScriptEndedError
         message = self._requests.get()
         if message == END:
             raise ScriptEndedError
         self._number = int.from_bytes(message[1 : 1 + NUMBER_BYTES])
-        return pickle.loads(message[1 + NUMBER_BYTES :])  # noqa: S301 (of the same user)
+        return message[1 + NUMBER_BYTES :]
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
-        """In the `with` block, an interruption or the end of the script is raised by the next `check` or `at_once`."""
-        self._pending = None
-        self._acts_at_once, self._is_interruptible = False, True
-        try:
+        """In the `with` block, an interruption or the end of the script is raised by the next `check` or `at_once`.
+
+        If one has arrived since the request was taken, the block does not begin.
+        """
+        with self._in(Phase.CARRYING_OUT, Phase.WAITING):
+            if self._interrupted_number == self._number:
+                self._pending = self._pending or KeyboardInterrupt
+            self.check()
             yield
-        finally:
-            self._acts_at_once, self._is_interruptible = True, False
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
         """Let a signal end the `with` block at any place. Use it for code that may take long and uses no device."""
-        self._acts_at_once = True
-        try:
+        with self._in(Phase.OWN_CODE, Phase.CARRYING_OUT):
             self.check()
             yield
+
+    @contextmanager
+    def _in(self, phase: Phase, following: Phase) -> Iterator[None]:
+        self._phase = phase
+        try:
+            yield
         finally:
-            self._acts_at_once = False
+            self._phase = following
 
     def check(self) -> None:
         """Raise the pending KeyboardInterrupt or ScriptEndedError, even if the user's code has caught it before."""
@@ -176,7 +199,8 @@ class ScriptLink:
     def _listen(self) -> None:
         while (message := self._received()) != END:
             if message.startswith(INTERRUPT):
-                if int.from_bytes(message[1:]) == self._number:
+                self._interrupted_number = int.from_bytes(message[1:])
+                if self._interrupted_number == self._number:
                     signal.pthread_kill(self._loop_thread, signal.SIGINT)
             elif message.startswith(COMMAND):
                 self._commands.put(message[1:])
@@ -195,7 +219,7 @@ class ScriptLink:
         return b"" if os.getppid() == self._script else END
 
     def _interrupt(self, _number: int, _frame: FrameType | None) -> None:
-        if (self._is_interruptible or self.stop_requested()) and not self._is_ending:
+        if (self._phase in INTERRUPTIBLE or self.stop_requested()) and not self._is_ending:
             self._act(KeyboardInterrupt)
 
     def _end(self, _number: int, _frame: FrameType | None) -> None:
@@ -206,7 +230,7 @@ class ScriptLink:
     def _act(self, kind: type[BaseException]) -> None:
         """Raise `kind` now if a signal may act at once, otherwise at the next `check`."""
         self._pending = kind
-        if self._acts_at_once:
+        if self._phase in AT_ONCE:
             raise kind
 
 

@@ -140,6 +140,44 @@ def test_interruption_ends_the_run_confirmed_and_reaches_the_script(rig_file, id
     assert_confirmed(read_log(tmp_path / "run.h5"))
 
 
+RESTORED = """
+import sys, time
+import smadrive
+
+class Warm:
+    duration_s = 20.0
+    def __getstate__(self):
+        return {{"model": 1}}
+    def __setstate__(self, state):
+        print("restoring", flush=True)
+        {fate}
+    def update(self, time_s, measurement, dt_s):
+        return smadrive.Command(0.2)
+
+with smadrive.open_rig(sys.argv[1]) as rig:
+    try:
+        rig.drive(Warm(), sys.argv[2], "run.h5")
+    except KeyboardInterrupt:
+        print("interrupted", flush=True)
+    print("armed:", rig.measure().armed, flush=True)
+"""
+RESTORES = {
+    "waits": "time.sleep(5.0)",
+    "drops every exception": "try: time.sleep(5.0)\n        except: pass",
+}
+
+
+@pytest.mark.parametrize("fate", RESTORES.values(), ids=RESTORES)
+def test_interruption_while_a_controller_is_restored_prevents_the_run(identified, tmp_path, fate):
+    command = [sys.executable, "-c", RESTORED.format(fate=fate), str(RIGS / "in-process.toml"), identified.wire_file]
+    with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as script:
+        assert script.stdout.readline() == "restoring\n"
+        script.send_signal(signal.SIGINT)
+        printed, errors = script.communicate()
+    assert (printed, script.returncode, errors) == ("interrupted\narmed: False\n", 0, "")
+    assert not (tmp_path / "run.h5").exists()
+
+
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM], ids=lambda end: end.name)
 def test_killed_script_ends_the_run_confirmed(rig_file, identified, tmp_path, end):
     with heating(rig_file, identified.wire_file, tmp_path) as (script, loop):
