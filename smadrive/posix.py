@@ -72,6 +72,31 @@ def released_in_children(release: Callable[[T], None]) -> WeakSet[T]:
     return held
 
 
+class OwningProcess:
+    """The process that has created this object, such as an open rig. `pid` is its id."""
+
+    def __init__(self) -> None:
+        self.pid = os.getpid()
+
+    @property
+    def is_present(self) -> bool:
+        """True in the process itself; False in a forked child."""
+        return os.getpid() == self.pid
+
+    def check(self) -> None:
+        """Raise ConfigError in a forked child.
+
+        Parent and child would send requests on one link, and take each other's replies for their own.
+        """
+        if not self.is_present:
+            raise ConfigError(
+                "a forked child cannot use the rig of its parent",
+                where="rig",
+                value=f"opened in process {self.pid}",
+                cure="use the rig only in the process that has opened it",
+            )
+
+
 def _not_posix(needed: str) -> ConfigError:
     return ConfigError(
         "driving a rig needs Linux or macOS; models, fits, logs and reports work here, too",

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable
 
 from smadrive.errors import MotionError
+from smadrive.posix import OwningProcess
 from smadrive.scripting.callbacks import check_may_wait, succeeds
 
 
@@ -19,6 +20,7 @@ class Motion:
 
     def __init__(self, what: str) -> None:
         self._what = what
+        self._owner = OwningProcess()
         self._is_over = threading.Event()
         self._mutex = threading.Lock()
         self._callbacks: list[Callable[[Motion], None]] = []
@@ -38,9 +40,11 @@ class Motion:
         """Wait up to `timeout` seconds for the end of the motion; None waits without a limit.
 
         Return the error of the motion, or None if it has succeeded. MotionError if it is still under way, also at once
-        in a function that is called with a tick or at the end of a motion: it must not wait.
+        in a function that is called with a tick or at the end of a motion: it must not wait. ConfigError in a forked
+        child, where a motion that is under way does not end.
         """
         if not self.done:
+            self._owner.check()
             check_may_wait(self._what)
         if not self._is_over.wait(timeout):
             cure = "wait longer"
@@ -91,3 +95,8 @@ class Motion:
     def __repr__(self) -> str:
         state = "under way" if not self.done else "done" if self._error is None else f"failed: {self._error}"
         return f"Motion({self._what}, {state})"
+
+
+def run_ended() -> MotionError:
+    """Return the error of a motion whose run has ended."""
+    return MotionError("the run has ended", where="servo", cure="start the servo again")

@@ -44,7 +44,12 @@ class RigConnection:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the rig. An error in the `with` block is raised again, and a failure to close becomes its note."""
+        """Close the rig. An error in the `with` block is raised again, and a failure to close becomes its note.
+
+        In a forked child nothing happens: the rig stays open in its parent.
+        """
+        if not self._client.owner.is_present:
+            return
         if error is None:
             self.close()
             return
@@ -63,10 +68,11 @@ class RigConnection:
 
         Raises an error if the heater is not confirmed off. StoppedError if `smadrive off` has stopped the loop process
         and no call has raised this error before. In a callback of the servo, MotionError: the servo stops, and the rig
-        stays open.
+        stays open. ConfigError in a forked child.
         """
         if not self.is_open:
             return
+        self._client.owner.check()
         if is_callback():
             self._stop_servo()
             check_may_wait(f"rig '{self.config.name}'")
@@ -86,6 +92,7 @@ class RigConnection:
         return self._client.call(request)
 
     def _check_open(self) -> None:
+        self._client.owner.check()
         if not self.is_open:
             raise ConfigError("the rig is closed", where=f"rig '{self.config.name}'", cure="open it again")
 
@@ -104,8 +111,15 @@ class RigConnection:
             ("wire", Path(self.config.wire).name.removesuffix(".toml")),
             ("rate", f"{self.config.rate_hz:g} Hz{' in virtual time' if self.is_virtual else ''}"),
             ("limits", f"{limits.current_max_a:g} A, {limits.temperature_max_c:g} °C"),
-            ("state", (self._client.ending or "open, heater off") if self.is_open else "closed"),
+            ("state", self._state),
         ]
+
+    @property
+    def _state(self) -> str:
+        if not self.is_open:
+            return "closed"
+        owner = self._client.owner
+        return (self._client.ending or "open, heater off") if owner.is_present else f"open in process {owner.pid}"
 
     def __repr__(self) -> str:
         facts = ", ".join(f"{name} {value}" for name, value in self.facts())

@@ -37,7 +37,7 @@ from smadrive.scripting.loop.servo_messages import (
     ServoReport,
     StopCommand,
 )
-from smadrive.scripting.motion import Motion
+from smadrive.scripting.motion import Motion, run_ended
 from smadrive.scripting.move_options import SETTLE_S, TIMEOUT_S, move_options
 from smadrive.scripting.run import Run
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -71,8 +71,7 @@ class Servo:
         self.limits = permitted_mm(wire, rig_limits)
         self._wire, self._rig_limits = wire, rig_limits
         self._client = client
-        self._id = secrets.token_hex(8)
-        self._numbers = count(1)
+        self._id, self._numbers = secrets.token_hex(8), count(1)
         self._motions: dict[int, Motion] = {}
         self._mutex = threading.Lock()
         self._is_over = False
@@ -92,7 +91,9 @@ class Servo:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the run at zero current. The error of the run is raised, unless the `with` block has raised it."""
+        """End the run at zero current. Raise its error, unless the block has. No effect in a forked child."""
+        if not self._client.owner.is_present:
+            return
         self._end()
         if self._error is not None and self._error is not error:
             raise self._error
@@ -118,8 +119,9 @@ class Servo:
 
         So a script that waits for a value does not wait for ever. `tick` still returns the last tick.
         """
+        self._client.owner.check()
         if self._is_over:
-            raise self._error or _ended()
+            raise self._error or run_ended()
         if self._latest is None:
             self.sample().wait()
         assert self._latest is not None
@@ -174,6 +176,7 @@ class Servo:
 
         In a taker or a callback of a motion, request this end and return: these functions must not wait.
         """
+        self._client.owner.check()
         self.__exit__(None, None, None)
 
     def request_end(self) -> None:
@@ -183,6 +186,7 @@ class Servo:
     @cached_property
     def run(self) -> Run:
         """The recorded run, after the servo has ended. MotionError while the servo runs."""
+        self._client.owner.check()
         if self.is_running:
             raise MotionError("still runs", where="servo", cure="stop it first")
         return Run(read_log(self.log_file), self._driven)
@@ -197,13 +201,14 @@ class Servo:
 
     def _motion(self, what: str) -> tuple[int, Motion]:
         """Return a new motion and its number. If the run has ended, the returned motion has failed."""
+        self._client.owner.check()
         motion = Motion(what)
         with self._mutex:
             number = next(self._numbers)
             if not self._is_over:
                 self._motions[number] = motion
                 return number, motion
-        motion.finish(self._error or _ended())
+        motion.finish(self._error or run_ended())
         return number, motion
 
     def _end(self) -> None:
@@ -226,7 +231,7 @@ class Servo:
                 left, self._is_over = list(self._motions.values()), True
                 self._motions.clear()
             for motion in left:
-                motion.finish(self._error or _ended())
+                motion.finish(self._error or run_ended())
 
     def _receive(self, report: ServoReport) -> None:
         """Take a report, in the thread of the link."""
@@ -243,7 +248,3 @@ class Servo:
                 motion = self._motions.pop(number, None)
             if motion is not None:
                 motion.finish(error)
-
-
-def _ended() -> MotionError:
-    return MotionError("the run has ended", where="servo", cure="start the servo again")

@@ -23,7 +23,7 @@ from weakref import WeakSet
 from smadrive.errors import BusyError, LoopProcessError, StoppedError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
-from smadrive.posix import check_posix
+from smadrive.posix import OwningProcess, check_posix
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.scripting.callbacks import check_may_wait
 from smadrive.scripting.loop.interruptions import CountedInterrupts
@@ -34,6 +34,7 @@ from smadrive.scripting.loop.messages import (
     NUMBER_BYTES,
     REQUEST,
     Failure,
+    RemoteTracebackError,
     Result,
     RunProgress,
     send_whole,
@@ -64,19 +65,11 @@ def show_nothing(_progress: RunProgress) -> None:
     """Show no progress."""
 
 
-class RemoteTracebackError(Exception):
-    """The traceback of an error in the loop process. Python shows it as the cause of the error in the script."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__(text)
-        self._text = text
-
-    def __str__(self) -> str:
-        return f"\n{self._text}"
-
-
 class LoopClient:
     """Starts a loop process. `call` sends a request to this process, and `end` ends it.
+
+    Only the process that created this object may use it. In a forked child `call` and `command` raise ConfigError, and
+    `end` and `kill` have no effect.
 
     `is_end_raised` is True after `call` has raised the error that the process died or was stopped. `on_report` is
     called in another thread with each report of a servo.
@@ -85,7 +78,7 @@ class LoopClient:
     def __init__(self) -> None:
         check_posix()
         self._connection, theirs = Pipe()
-        self._script = os.getpid()
+        self.owner = OwningProcess()
         self._number = 0
         self._progress: RunProgress | None = None
         self._replies: dict[int, Result | Failure] = {}
@@ -130,6 +123,7 @@ class LoopClient:
         `smadrive off` has stopped the process during this call or before it. LoopProcessError if the process has died.
         ControllerError if a controller cannot be pickled. MotionError in a callback of a servo (see callbacks.py).
         """
+        self.owner.check()
         check_may_wait("loop process")
         with self._one_call, CountedInterrupts() as interrupts:
             message = pickled(request)
@@ -146,11 +140,12 @@ class LoopClient:
 
     def command(self, servo_id: str, command: ServoCommand) -> None:
         """Send a command to the servo `servo_id`. A command that arrives before the ServoRequest waits for it."""
+        self.owner.check()
         self._send(COMMAND + pickle.dumps((servo_id, command)))
 
     def end(self) -> None:
         """Ask the process to switch the heater off and to end. If it has not ended after `ENDS_WITHIN_S`, kill it."""
-        if os.getpid() != self._script:  # a forked process of the script
+        if not self.owner.is_present:
             return
         self._send(END)
         try:
@@ -160,8 +155,9 @@ class LoopClient:
 
     def kill(self) -> None:
         """Kill the process. The watchdog of the device or the guardian then switches the heater off."""
-        self._process.kill()
-        self._process.wait()
+        if self.owner.is_present:
+            self._process.kill()
+            self._process.wait()
 
     def _reply(self, interrupts: CountedInterrupts, show: Show) -> Result | Failure:
         passed_on, give_up_s = 0, float("inf")

@@ -178,6 +178,17 @@ class Failure(NamedTuple):
     traceback: str
 
 
+class RemoteTracebackError(Exception):
+    """The traceback of an error in the loop process. Python shows it as the cause of the error in the script."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._text = text
+
+    def __str__(self) -> str:
+        return f"\n{self._text}"
+
+
 def send_whole(connection: Connection[Any, Any], message: bytes) -> None:
     """Send a message to the loop process. Signals are held back meanwhile, and obeyed afterwards.
 
