@@ -24,7 +24,7 @@ from typing import Self
 
 
 class Phase(Enum):
-    """What the main thread does; see the head of this file."""
+    """A phase of the main thread, as in the table at the head of this file."""
 
     WAITING = auto()
     RESTORING = auto()

@@ -91,6 +91,14 @@ def test_identify_simulate_and_invert_work_on_files(data):
     np.testing.assert_allclose(got, expected, atol=1e-8 * 0.04)
 
 
+def test_input_outside_the_range_of_the_model_is_a_caveat_of_simulate(data):
+    save_model(LOOP, data / "loop.json")
+    (data / "partly.csv").write_text("temperature_c\n30\n393\n")
+    simulated = succeed("simulate", "loop.json", "partly.csv", "-o", "partly-simulated.csv", cwd=data)
+    (caveat,) = simulated["caveats"]
+    assert caveat.endswith("1 value of the input")
+
+
 @pytest.mark.exhaustive
 def test_column_in_another_unit_is_a_caveat_of_fit_model_and_page(data):
     lines = (data / "wire.csv").read_text().splitlines()[1:]

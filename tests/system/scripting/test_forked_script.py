@@ -9,7 +9,7 @@ import pytest
 
 RIG = Path(__file__).parents[3] / "configs" / "rigs" / "in-process.toml"
 
-FORKS = """
+SAID = """
 import os, signal, sys
 import smadrive
 from smadrive.errors import ConfigError
@@ -19,7 +19,9 @@ def said(call):
         return repr(call())
     except ConfigError as error:
         return f"{error.where}: {error.value}"
+"""
 
+FORKS = """
 parent = os.getpid()
 with smadrive.open_rig(sys.argv[1]) as rig:
     child = os.fork()
@@ -40,16 +42,6 @@ if os.getpid() == parent:
 """
 
 SERVES = """
-import os, signal, sys
-import smadrive
-from smadrive.errors import ConfigError
-
-def said(call):
-    try:
-        return repr(call())
-    except ConfigError as error:
-        return f"{error.where}: {error.value}"
-
 parent = os.getpid()
 with smadrive.open_rig(sys.argv[1]) as rig:
     with rig.servo(sys.argv[2], "servo.h5") as servo:
@@ -70,7 +62,10 @@ with smadrive.open_rig(sys.argv[1]) as rig:
 
 def printed_by(script, *arguments, cwd):
     done = programs.run(
-        [sys.executable, "-c", script, str(RIG), *map(str, arguments)], cwd=cwd, stdout=subprocess.PIPE, text=True
+        [sys.executable, "-c", SAID + script, str(RIG), *map(str, arguments)],
+        cwd=cwd,
+        stdout=subprocess.PIPE,
+        text=True,
     )
     return done.stdout.splitlines()
 
