@@ -26,6 +26,7 @@ from smadrive.rig.rig import Rig
 from smadrive.rig.supervision import wire_checks
 from smadrive.runs.cycling.cycles import CycleEvents
 from smadrive.runs.health.assessment import expected_of, wire_file_of
+from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_log import (
     WIRE_FILE,
     TickRecorder,
@@ -161,22 +162,23 @@ def drive(
     log_file: Path,
     rig: Rig,
     controller: Controller,
+    kind: RunKind,
     name: str,
     identified: IdentifiedWire,
     watch: Watch,
     stop_requested: StopRequested = never,
     trusts_sensor: Callable[[], bool] = always,
 ) -> LoopMetrics:
-    """Run the user's controller on the identified wire and record it in `log_file`. TripError after a trip.
+    """Run a controller of a script on the identified wire and record it in `log_file`. TripError after a trip.
 
-    The run also ends when `stop_requested` returns True. While `trusts_sensor` returns False, the supervisor does not
-    use the displacement.
+    `kind` is OWN_CONTROLLER or SERVO. The run also ends when `stop_requested` returns True. While `trusts_sensor`
+    returns False, the supervisor does not use the displacement.
     """
     wire, wire_file = identified.wire_model(rig.nominal_balance), wire_file_of(identified)
     checks = wire_checks(wire, rig.config.displacement_from, expected_of(identified), trusts_sensor)
     notes = {} if wire_file is None else {WIRE_FILE: str(wire_file)}
     with (
-        record_controller(log_file, rig, wire, name, controller.duration_s, **notes) as recorder,
+        record_controller(log_file, rig, kind, wire, name, controller.duration_s, **notes) as recorder,
         watch(recorder, controller.duration_s) as record,
     ):
         return rig.drive(controller, wire.balance, record, checks, stop_requested)

@@ -69,6 +69,10 @@ NOT_REPLAYED = {
         "a controller of the user ran, and a log does not hold its code",
         "call the controller's `update` with the rows of the log, in Python",
     ),
+    RunKind.SERVO: (
+        "the motions of a servo came from a script, and a log does not hold them",
+        "track a reference with `smadrive run`, and replay its log",
+    ),
 }
 """The reason and the cure for kinds of runs that cannot be replayed."""
 

@@ -11,4 +11,5 @@ class RunKind(StrEnum):
     STEP = "manual step"
     OBSERVATION = "observation"
     OWN_CONTROLLER = "own controller"
+    SERVO = "servo"
     SESSION = "tuning"

@@ -132,14 +132,14 @@ def record_tracking(
 
 
 def record_controller(
-    path: Path, rig: Rig, wire: WireModel, name: str, duration_s: float, **notes: str
+    path: Path, rig: Rig, kind: RunKind, wire: WireModel, name: str, duration_s: float, **notes: str
 ) -> TickRecorder:
-    """Create the log of a run of the user's controller `name` on the wire, and return its recorder.
+    """Create the log of a run of the controller `name` of a script on the wire, and return its recorder.
 
-    `notes` are further metadata.
+    `kind` is OWN_CONTROLLER or SERVO. `notes` are further metadata.
     """
     metadata = {"controller": name, "wire": IdentifiedWire.of(wire).text(), **notes}
-    return _open(path, rig, RunKind.OWN_CONTROLLER, metadata, duration_s)
+    return _open(path, rig, kind, metadata, duration_s)
 
 
 def record_session(path: Path, rig: Rig, wire: IdentifiedWire, **notes: str) -> TickRecorder:

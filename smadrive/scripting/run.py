@@ -69,7 +69,7 @@ class Run:
 
     @property
     def kind(self) -> str:
-        """`excitation`, `manual step`, `tracking`, `own controller`, `observation` or `tuning`."""
+        """`excitation`, `manual step`, `tracking`, `own controller`, `servo`, `observation` or `tuning`."""
         return self.log.kind.value
 
     @property

@@ -19,9 +19,10 @@ from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.rig import Rig
 from smadrive.rig.supervision import stale_after_s
 from smadrive.runs.experiments import drive, excite, heat, plan_excitation, track
+from smadrive.runs.run_kind import RunKind
 from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.scripting.loop.code_origin import dumps
-from smadrive.scripting.loop.loop_servo import NAME, LoopServo
+from smadrive.scripting.loop.loop_servo import LoopServo
 from smadrive.scripting.loop.messages import (
     AnyScriptRequest,
     ClearFaultsRequest,
@@ -117,8 +118,9 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
             return _driven(request, rig, link)
         case ServoRequest(servo_id=servo_id, log_file=log_file, wire=wire):
             servo = LoopServo(rig, wire, servo_id, link, is_virtual=_is_virtual(rig))
-            watch = servo.watched(link.watch)
-            return _counts(drive(log_file, rig, servo, NAME, wire, watch, servo.stop_requested, servo.trusts_sensor))
+            watch, kind = servo.watched(link.watch), RunKind.SERVO
+            stop, trusts = servo.stop_requested, servo.trusts_sensor
+            return _counts(drive(log_file, rig, servo, kind, kind.value, wire, watch, stop, trusts))
         case CoolDownRequest(duration_s=duration_s):
             with nullcontext() if _is_virtual(rig) else link.at_once():
                 return rig.cool_down(duration_s)
@@ -138,7 +140,7 @@ def _driven(request: DriveRequest, rig: Rig, link: ScriptLink) -> DrivenRun:
     pace = Pace(rig.period_s, stale_after_s(config), _is_virtual(rig))
     own = OwnController(request.controller, request.duration_s, config.limits.current_max_a, link.at_once, pace)
     try:
-        loop = drive(request.log_file, rig, own, own.name, request.wire, link.watch)
+        loop = drive(request.log_file, rig, own, RunKind.OWN_CONTROLLER, own.name, request.wire, link.watch)
     except TripError as trip:
         for caveat in own.caveats:
             trip.add_note(caveat)

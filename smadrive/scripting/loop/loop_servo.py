@@ -51,8 +51,6 @@ MOST_TICKS = 4096
 TICKS_AT_ONCE = 32
 """Number of ticks in a report. A report is then smaller than the free space of a socket that accepts data."""
 
-NAME = "servo"
-
 
 class ServoLink(Protocol):
     """The part of the link to the script that a servo uses."""

@@ -42,6 +42,7 @@ def test_wire_moves_from_setpoint_to_setpoint(servo):
     with pytest.raises(MotionError):
         _ = servo.measurement
     run = servo.run
+    assert run.kind == "servo"
     assert (run.trips, run.ticks, run.missed_deadlines) == (0, len(run["time_s"]), 0)
     steps_mm = np.abs(np.diff(run["setpoint_mm"][5:]))
     assert steps_mm.max() < 0.2

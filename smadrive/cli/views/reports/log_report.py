@@ -33,6 +33,7 @@ TITLES = {
     RunKind.STEP: "manual step",
     RunKind.OBSERVATION: "observation without heat",
     RunKind.OWN_CONTROLLER: "run of an own controller",
+    RunKind.SERVO: "motions of a servo",
     RunKind.SESSION: "tuning session",
 }
 
