@@ -136,6 +136,7 @@ def test_resumed_run_says_which_cycles_it_does_and_that_smooth_applies(folder, t
     assert (folder / "traces" / "board.trace").exists() is ("--trace" in options)
 
 
+@pytest.mark.exhaustive
 def test_resumed_run_has_the_source_of_the_displacement_of_its_log(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         run_cycles(tmp_path / "part.h5", 10.0 + 3.1 * 12.0, DisplacementFrom.NONE)

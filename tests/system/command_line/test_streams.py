@@ -49,7 +49,7 @@ def absent_rig(tmp_path):
 
 
 @pytest.mark.parametrize("unbuffered", ["", exhaustive("1")])
-@pytest.mark.parametrize("arguments", [("--help",), exhaustive(("--version",)), ("probe", "in-process")])
+@pytest.mark.parametrize("arguments", [("--help",), exhaustive(("--version",)), exhaustive(("probe", "in-process"))])
 def test_full_disk_is_an_error_and_a_closed_pipe_is_not(tmp_path, arguments, unbuffered):
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     with full_disk() as full:
@@ -95,7 +95,7 @@ def test_broken_stderr_changes_no_exit_code(tmp_path, absent_rig, opened, argume
         assert smadrive(*arguments, cwd=absent_rig.parent, stderr=errors).returncode == code
 
 
-@pytest.mark.parametrize("command", ["off", "probe"])
+@pytest.mark.parametrize("command", ["off", exhaustive("probe")])
 def test_command_works_without_a_standard_output(tmp_path, command):
     script = ["sh", "-c", '"$0" -m smadrive $1 in-process --json >&-', sys.executable, command]
     done = subprocess.run(script, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
@@ -130,7 +130,7 @@ def test_calibration_without_a_standard_input_is_not_confirmed(tmp_path):
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("opened", [unread_pipe, full_disk])
+@pytest.mark.parametrize("opened", [unread_pipe, exhaustive(full_disk)])
 def test_simulator_that_cannot_print_its_address_ends_with_one_line(tmp_path, opened):
     command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--pty", "port"]
     with opened() as output:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from marks import exhaustive
 
 from smadrive.control.controllers.tracking_feedback import TrackingSettings
 from smadrive.control.feasibility.feasibility import REASONS
@@ -176,7 +177,7 @@ def test_way_back_that_the_wire_cannot_follow_is_not_cured_by_slowing_the_refere
 
 
 @pytest.mark.parametrize(
-    ("reference", "wire"), [(Reference.from_samples([0.0, 60.0], [1.0, 10.0]), THICK), (STEPS, WIRE)]
+    ("reference", "wire"), [exhaustive(Reference.from_samples([0.0, 60.0], [1.0, 10.0]), THICK), (STEPS, WIRE)]
 )
 def test_smoothed_cycles_are_as_long_as_the_given_ones_and_feasible(reference, wire):
     given, found = repeated(reference, wire)

@@ -38,7 +38,7 @@ WHOLE_C = (25, 120, 25, 120, 25)
 
 
 @pytest.mark.parametrize("scale", [12.0, exhaustive(-3.0)])
-@pytest.mark.parametrize("change", [(0, 0, 1), (2, 2, 0.97), (-1, 1.5, 1.03)])
+@pytest.mark.parametrize("change", [exhaustive((0, 0, 1)), (2, 2, 0.97), exhaustive((-1, 1.5, 1.03))])
 def test_moved_loop_is_found(change, scale):
     time_s, _, reading_c, moved_mm = samples(wire(*change, scale=scale), WHOLE_C)
     found = fit_loop_drift(wire(scale=scale), wire_temperature_c(time_s, reading_c, 0.0), moved_mm, NOISE_C)
@@ -60,6 +60,7 @@ def test_standard_errors_are_honest():
     assert np.all(np.sqrt(np.mean(np.square(off), axis=0)) < 2.0)
 
 
+@pytest.mark.exhaustive
 def test_unvisited_part_of_the_loop_has_a_large_error():
     """Below the middle of the heating branch, a shift and a change of the stroke look alike."""
     time_s, _, reading_c, moved_mm = samples(wire(), (25, 84, 25))
@@ -69,7 +70,7 @@ def test_unvisited_part_of_the_loop_has_a_large_error():
     assert part.errors[2] > 2.0 * whole.errors[2]
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *map(exhaustive, (1, 2))])
 def test_small_reversals_of_a_held_wire_are_no_drift(seed):
     """A wire that is held at 85 °C while its temperature dips by 0.4 K transforms a little further in each dip."""
     _, wire_c, _, _ = samples(wire(), (25, 85, 87, 74, *(89.5, 68) * 6, 25))

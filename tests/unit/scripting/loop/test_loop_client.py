@@ -7,6 +7,7 @@ import threading
 from multiprocessing import Pipe
 
 import pytest
+from marks import exhaustive
 
 from smadrive.scripting.loop.loop_client import LoopClient
 from smadrive.scripting.loop.messages import COMMAND
@@ -87,7 +88,7 @@ def test_interruption_does_not_cut_a_message(client, far):
     assert [len(message) for message in arrived] == [len(COMMAND) + FULL, len(COMMAND + b"stop")]
 
 
-@pytest.mark.parametrize("error", [ValueError, TimeoutError])
+@pytest.mark.parametrize("error", [exhaustive(ValueError), TimeoutError])
 def test_cut_message_ends_the_loop_process(client, far, error):
     def fail(_number, _frame):
         raise error

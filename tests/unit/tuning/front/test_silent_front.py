@@ -1,6 +1,7 @@
 """A session heats only while the front process of the page, which answers OFF, sends heartbeats."""
 
 import pytest
+from marks import exhaustive
 
 from smadrive.errors import FrontSilentError
 from smadrive.tuning.session.off_path import SILENT_S
@@ -37,6 +38,7 @@ def test_silent_front_switches_off_although_every_reply_is_lost(rig):
     assert rig.status["mode"] == "off"
 
 
+@pytest.mark.exhaustive
 def test_short_pause_of_the_front_is_tolerated(rig):
     rig.at(1.0, "arm")
     set_front_silent(rig, 10.0)
@@ -45,7 +47,7 @@ def test_short_pause_of_the_front_is_tolerated(rig):
     assert rig.status["mode"] == "holding"
 
 
-@pytest.mark.parametrize("silent_from_s", [0.0, 5.0])
+@pytest.mark.parametrize("silent_from_s", [exhaustive(0.0), 5.0])
 def test_arm_is_refused_until_the_front_process_answers(rig, silent_from_s):
     if silent_from_s == 0.0:
         rig.front_is_silent = True

@@ -117,6 +117,7 @@ def test_every_action_of_a_page_is_refused_unless_it_controls(opened, tmp_path):
     assert bool(list(tmp_path.iterdir())) == controls
 
 
+@pytest.mark.exhaustive
 def test_fit_to_an_empty_number_of_seconds_is_refused(opened):
     page, controls = opened
     page.empty("fit_s")

@@ -99,6 +99,7 @@ def test_adaptation_begun_while_a_healthy_wire_heats_up_leaves_the_rules(rig, at
     assert adapted < before + 0.2, (adapted, before)
 
 
+@pytest.mark.exhaustive
 def test_sample_without_power_leaves_the_estimate_of_the_temperature(ruled_rig):
     """While the wire heats up, its thermocouple reads too low. An estimate that began there would be too cold."""
     ruled_rig.at(1.0, "arm")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from marks import exhaustive
 
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
@@ -180,6 +181,7 @@ def compare_two_strokes(rig, first):
     rig.at(3.0, "compare", on=True)
 
 
+@pytest.mark.exhaustive
 def test_scores_of_a_comparison_are_in_percent_of_one_stroke(rig):
     compare_two_strokes(rig, QUICK)
     rig.run(until_s=37.0)
@@ -190,6 +192,7 @@ def test_scores_of_a_comparison_are_in_percent_of_one_stroke(rig):
     assert rig.status["comparison"]["scores"]["B"][0] == pytest.approx(100.0 * rms_mm / 12.0, rel=0.02)
 
 
+@pytest.mark.exhaustive
 def test_turn_of_a_comparison_tracks_a_reference_that_began_just_before(rig):
     compare_two_strokes(rig, "sine")
     rig.run(until_s=24.0)
@@ -221,7 +224,9 @@ def test_adaptation_follows_a_changed_wire_and_one_undo_takes_it_back(ruled_rig)
     assert not ruled_rig.status["adapts"]
 
 
-@pytest.mark.parametrize(("first", "mode"), [(("hold", {}), "holding"), (("track", {"reference": "sine"}), "tracking")])
+@pytest.mark.parametrize(
+    ("first", "mode"), [exhaustive(("hold", {}), "holding"), (("track", {"reference": "sine"}), "tracking")]
+)
 def test_slider_moved_after_hold_or_start_does_not_undo_it(rig, first, mode):
     rig.at(1.0, "arm")
     if mode == "holding":

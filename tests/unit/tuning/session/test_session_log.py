@@ -159,6 +159,7 @@ def test_event_after_a_failed_write_is_dropped_without_an_error(logged):
     assert rig.end == "off"
 
 
+@pytest.mark.exhaustive
 def test_session_that_is_killed_leaves_a_readable_log(logged):
     rig = logged.rig
     copies = []

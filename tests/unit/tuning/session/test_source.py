@@ -73,6 +73,7 @@ def steps_w(rig, around_s):
     return np.abs(np.diff([tick.command.power_w for tick in rig.between(around_s - 0.5, around_s + 0.5)]))
 
 
+@pytest.mark.exhaustive
 def test_rig_file_by_resistance_measures_changed_leads_even_after_a_long_hold(rig):
     """While a cold wire is held, no current measures its leads. 0.1 Ω that is not measured costs 5 % of the stroke."""
     with_resistance(rig, displacement_from=DisplacementFrom.RESISTANCE)
@@ -134,6 +135,7 @@ def test_arm_warns_of_a_warm_wire_whose_displacement_is_unknown(rig):
     assert counts[1] == counts[0] + 1
 
 
+@pytest.mark.exhaustive
 def test_every_change_keeps_the_source_and_undo_takes_its_choice_back(resistive_rig):
     rig = tracked(resistive_rig)
     choose(rig, 13.0, "resistance")

@@ -38,6 +38,7 @@ def test_page_warns_about_a_drifted_wire(ruled_rig):
     assert str(health) in banner_html(ruled_rig.status, "")
 
 
+@pytest.mark.exhaustive
 def test_session_has_no_tracking_error(ruled_rig, tmp_path):
     """Steps, trials of tunings and other references of a session are not the wear of its wire."""
     wire_file, log_file = tmp_path / "wire.json", tmp_path / "session.h5"
