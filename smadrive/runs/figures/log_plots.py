@@ -115,10 +115,11 @@ def _plane(log: Log) -> Plot:
         cmap="viridis",
         linewidths=0,
         rasterized=True,
-        label="measured",
     )
     figure.colorbar(dots, ax=ax, label="time / s", pad=0.01, aspect=30).outline.set_visible(False)
-    caption = f"Measured displacement over the {'estimated' if is_estimated else 'measured'} temperature of the wire."
+    caption = (
+        f"Points: measured displacement over the {'estimated' if is_estimated else 'measured'} temperature of the wire."
+    )
     if "wire" in log.metadata:
         draw_branches(ax, wire_of(log).model)
         caption += " Lines: the major loop of the model; the minor loops lie inside it."
