@@ -3,7 +3,8 @@
 `turns` alternates between minima and maxima of the input v. Its first entry is the lower end of the range, because a
 wire was cold once. The length of `turns` gives the direction: if it is odd, v has been rising since the minimum
 turns[-1]; if it is even, v has been falling since the maximum turns[-1]. When v passes the turning point before
-the last, the last two turning points are forgotten, and the older section continues (wiping-out).
+the last, the last two turning points are forgotten, and the older section continues (wiping-out). When v falls to the
+lower end of the range, this end alone remains, and the direction counts as rising: no relay is on any more.
 """
 
 from __future__ import annotations

@@ -65,7 +65,7 @@ class PreisachPlane:
         self._rows: list[list[float]] = table.tolist()
         self._up: list[float] = self.up_thresholds.tolist()
         self._down: list[float] = self.down_thresholds.tolist()
-        self._last_up, self._last_down = len(self._up) - 2, len(self._down) - 2
+        self._last_up = len(self._up) - 2
         self._columns: list[list[float]] = (-table.T).tolist()
         self._latest, self._before = [_NO_PIECE, _NO_PIECE], [_NO_PIECE, _NO_PIECE]  # of falling and of rising input
         self._knots: list[float] = np.union1d(self.up_thresholds, self.down_thresholds).tolist()

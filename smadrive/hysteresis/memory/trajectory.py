@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from smadrive.hysteresis.memory.plane import PreisachPlane
-from smadrive.hysteresis.turning_points import Memory, pieces, reversed_at
+from smadrive.hysteresis.turning_points import Memory, is_rising, pieces, reversed_at
 from smadrive.numerics.arrays import FloatArray
 
 
@@ -50,17 +50,16 @@ def _events(
     turn    turning point at which the section of the part began
     base    the constant of the part: p without the value of the Everett function
     """
-    p, turns, upward = start.plane, start.turns, start.rising
+    p, turns = start.plane, start.turns
     first: list[int] = []
     turn: list[float] = []
     base: list[float] = []
     corner_inputs, ends = path[corners].tolist(), corners.tolist()
     for section, up in enumerate(rising.tolist()):
         begin, end = corner_inputs[section], corner_inputs[section + 1]
-        if up != upward:
-            turns, upward = reversed_at(turns, begin), up
+        if up != is_rising(turns):
+            turns = reversed_at(turns, begin)
         parts, turns = pieces(turns, end)
-        upward = len(turns) % 2 == 1 if len(turns) == 1 else up
         inside, sample = path[ends[section] + 1 : ends[section + 1] + 1], ends[section] + 1
         for at, reached in parts:
             constant = p - plane.everett(begin, at) if up else p + plane.everett(at, begin)

@@ -37,11 +37,11 @@ class PlaneGrid:
         weights = self._state_weights(float(v[0]), turns)
         rows = np.empty((len(v), weights.size))
         rows[0] = weights
-        upward, inputs = is_rising(turns), v.tolist()
-        for sample, (start, end) in enumerate(pairwise(inputs), start=1):
+        for sample, (start, end) in enumerate(pairwise(v.tolist()), start=1):
             if end != start:
-                if (end > start) != upward:
-                    turns, upward = reversed_at(turns, start), end > start
+                upward = end > start
+                if upward != is_rising(turns):
+                    turns = reversed_at(turns, start)
                 parts, turns = pieces(turns, end)
                 begin = start
                 for turn, reached in parts:

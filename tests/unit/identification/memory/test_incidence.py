@@ -23,7 +23,8 @@ def plane(rng):
 
 
 def test_the_state_is_linear_in_the_masses(plane, rng):
-    v = np.concatenate([[20.0], rng.uniform(15.0, 135.0, 400), [90.0, 90.0, 60.0]])
+    back_at_the_lower_end = [15.0, 60.0, 90.0, 70.0, 80.0, 15.0, 12.0, 85.0, 60.0, 80.0]
+    v = np.concatenate([[20.0], rng.uniform(15.0, 135.0, 400), [90.0, 90.0, 60.0], back_at_the_lower_end])
     on = PlaneGrid(UP, DOWN, CELLS).shares_on(v, (15.0,))
     p = plane_states(plane, v, Memory(0.0, plane.everett(20.0, 15.0), (15.0,)))
     np.testing.assert_allclose(on @ plane.mass[CELLS], p, rtol=0, atol=1e-13)
