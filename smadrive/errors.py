@@ -19,10 +19,11 @@ where, the value, the limit and the cure.
     ├── SafetyError             heating rejected, or stopped by the supervisor  exit code 4
     │   ├── TripError           a latched trip
     │   ├── TakenOverError      the guardian has taken over the heater
+    │   ├── UnknownCurrentError switched off, but no current is measured
     │   ├── FrontSilentError    no process answers OFF of the tuning page
     │   └── LoopProcessError    the loop process of a script has ended
-    ├── ControllerError         a controller of the user fails              exit code 2
-    ├── MotionError             a motion of a servo has not reached its end exit code 4
+    ├── ControllerError         a controller of the user fails                  exit code 2
+    ├── MotionError             a motion of a servo has not reached its end     exit code 4
     └── IdentificationError     the data do not determine the model             exit code 5
 
     BaseException

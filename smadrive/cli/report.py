@@ -26,7 +26,7 @@ from smadrive.runs.session_record import plain_events
 def main(
     log_files: Annotated[
         list[Path],
-        typer.Argument(metavar="LOG", help="Log (.h5) of `heat`, `run`, `excite`, `tune` or `demo`; or several logs."),
+        typer.Argument(metavar="LOG", help="Log (.h5) of a run, a tuning session or `watch -o`; or several logs."),
     ],
     report_file: Annotated[
         Path | None,

@@ -84,7 +84,7 @@ def main(
 
     The run is simulated on the model before the wire is heated. A reference that the wire cannot follow is an error.
     --resume takes reference, model, number of cycles and source of the displacement from a log, and does not change
-    this log. --smooth, --trace and --log-file apply to the remaining cycles.
+    this log. The other options apply to the remaining cycles.
     """
     output, warned = Output(as_json), tuple[str, ...]()
     check_output(log_file, LOG)

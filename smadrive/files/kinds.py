@@ -73,7 +73,7 @@ MODEL = FileKind(
 )
 LOG = FileKind(
     "a log",
-    "give an .h5 file that `excite`, `run` or `demo` wrote",
+    "give an .h5 file that `heat`, `excite`, `run`, `tune`, `watch -o` or `demo` wrote",
     DataError,
     endings=(".h5", ".hdf5", ".nxs"),
     is_record=True,

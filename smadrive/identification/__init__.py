@@ -1,4 +1,4 @@
-"""Models from measured records: excitation, thermal, Duhem and T-S fuzzy Duhem fits, their quality, adaptation.
+"""Models from measured records: excitation; fits of heat, hysteresis, memory and resistance; quality; adaptation.
 
 May import wire, hysteresis and numerics. Controllers, devices and log files do not belong here.
 """

@@ -1,4 +1,4 @@
-"""Timing, counters and trace of a bus; names of the Modbus exceptions."""
+"""Timing, counters and trace of a bus."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from smadrive.clock import VirtualClock
@@ -28,6 +29,10 @@ class SimulatedConnections:
         """
         attached = self._simulated_bench.attach(load_profile(profile or device.profile), device.unit_id, device.name)
         return attached.transport(self._clock)
+
+    def transports(self, devices: Iterable[DeviceConfig]) -> dict[str, Transport]:
+        """Attach the devices to the bench and return the connections to them by the name of the device."""
+        return {device.name: self.transport(device) for device in devices}
 
 
 def simulate(sim: str) -> SimulatedConnections:

@@ -1,8 +1,8 @@
 """Heat balance of the wire and its inverse.
 
-The whole wire has one temperature T, and one austenite fraction w, which rises from 0 to 1 on heating:
+The whole wire has one temperature T, and one phase ξ, which rises from 0 (cold) to 1 (hot):
 
-    m c · dT/dt = P - Q · dw/dt - h A (T - T_ambient)        P = I² R(w),  R(w) = R_cold (1 + r w),  Q = m L_h
+    m c · dT/dt = P - Q · dξ/dt - h A (T - T_ambient)        P = I² R(ξ),  R(ξ) = R_cold (1 + r ξ),  Q = m L_h
 
     m mass, c specific heat, L_h latent heat per mass, h A heat loss per kelvin, P power, I current, R resistance,
     r relative change of the resistance between the cold and the transformed wire
@@ -11,7 +11,7 @@ The wire absorbs the latent heat Q on heating and gives it back on cooling. In t
 doubles the apparent heat capacity, so the feedforward needs Q. The sign of r differs between wires, so r is fitted.
 The thermocouple is a bead on the wire. Its reading T_tc follows with a first-order lag: lag · dT_tc/dt = T - T_tc.
 
-If the resistance is identified, `WireModel.resistance_ohm` takes R(T, ξ) of identified_resistance.py in place of R(w).
+If the resistance is identified, `WireModel.resistance_ohm` takes R(T, ξ) of identified_resistance.py in place of R(ξ).
 """
 
 from __future__ import annotations
@@ -74,13 +74,13 @@ class HeatBalance:
         return self.heat_capacity_j_per_k / self.loss_w_per_k
 
     def resistance_ohm(self, phase: float) -> float:
-        """Return the resistance R(w) at the austenite fraction w = `phase`, Ω."""
+        """Return the resistance R(ξ) at the phase ξ, Ω."""
         return self.resistance_cold_ohm * (1.0 + self.resistance_change * phase)
 
     def step(self, temperature_c: float, power_w: float, phase_per_k: float, dt_s: float) -> float:
         """Return the wire temperature in °C after `dt_s` at constant `power_w`.
 
-        This is exact for a constant slope of the austenite fraction, dw/dT = `phase_per_k`.
+        This is exact for a constant slope of the phase, dξ/dT = `phase_per_k`.
         """
         settled_c = self.ambient_c + power_w / self.loss_w_per_k
         capacity = self.heat_capacity_j_per_k + self.latent_heat_j * phase_per_k
@@ -113,8 +113,7 @@ class HeatBalance:
     def power_w(self, temperature_c: float, rate_c_per_s: float, phase_rate_per_s: float) -> float:
         """Return the power in W at which the wire at `temperature_c` has these rates of temperature and phase.
 
-        This is the inverse heat balance; the phase is the austenite fraction. A negative result means that the wire
-        cannot cool so fast.
+        This is the inverse heat balance. A negative result means that the wire cannot cool so fast.
         """
         return (
             self.heat_capacity_j_per_k * rate_c_per_s
@@ -123,7 +122,7 @@ class HeatBalance:
         )
 
     def current_a(self, power_w: float, phase: float) -> float:
-        """Return the current in A that gives `power_w` at the austenite fraction `phase`; 0 for a negative power."""
+        """Return the current in A that gives `power_w` at this phase; 0 for a negative power."""
         return sqrt(max(power_w, 0.0) / self.resistance_ohm(phase))
 
 

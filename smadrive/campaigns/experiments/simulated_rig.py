@@ -18,7 +18,6 @@ from smadrive.campaigns.plan.documents import changed_sim
 from smadrive.campaigns.plan.plan import PlannedRun
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
-from smadrive.modbus.transports.transport import Transport
 from smadrive.rig.rig import Rig
 from smadrive.rig.simulation import SimulatedConnections
 
@@ -70,7 +69,7 @@ class SimulatedRig:
     def __init__(self, run: PlannedRun, sim: SimConfig, part: int) -> None:
         self._seed = noise_seed(run, part)
         self.simulated_bench = SimulatedBench(sim, self._seed)
-        transports = _transports(run, self.simulated_bench)
+        transports = SimulatedConnections(self.simulated_bench).transports(run.documents.rig.devices)
         self.rig = Rig(run.documents.rig, transports=transports, data_sheet=run.documents.data_sheet)
 
     def plan_disturbance(self, disturbance: tuple[DisturbanceConfig, ...], reference: Reference) -> None:
@@ -92,7 +91,7 @@ def check_disturbance(run: PlannedRun, reference: Reference) -> None:
     """
     _check_times(run.disturbance, reference)
     simulated_bench = SimulatedBench(run.documents.sim, 0)
-    _transports(run, simulated_bench)
+    SimulatedConnections(simulated_bench).transports(run.documents.rig.devices)
     script = FaultScript(faults=tuple(_entry(one, 0.0, Random(0)) for one in run.disturbance))
     scheduled(script, simulated_bench.known_faults())
 
@@ -109,12 +108,6 @@ def _check_times(disturbance: tuple[DisturbanceConfig, ...], reference: Referenc
                 limit=f"less than {lasts_s:g} s, which counts from the end of the approach",
                 cure="let it begin earlier, or give a longer reference",
             )
-
-
-def _transports(run: PlannedRun, simulated_bench: SimulatedBench) -> dict[str, Transport]:
-    """Add the devices of the run to the bench. Return their transports by the name of the device."""
-    connections = SimulatedConnections(simulated_bench)
-    return {device.name: connections.transport(device) for device in run.documents.rig.devices}
 
 
 def _entry(disturbance: DisturbanceConfig, begins_s: float, random: Random) -> FaultEntry:

@@ -22,7 +22,7 @@ def announce(output: Output, log_file: Path, what: str, duration_s: float, clock
     lasts = (
         f"takes {duration_text(duration_s)}{_of_virtual_time(clock)}"
         if isfinite(duration_s)
-        else "continues until Ctrl-C"
+        else "continues until q or Ctrl-C"
     )
     output.say(f"{log_file}: {what} {lasts}")
 

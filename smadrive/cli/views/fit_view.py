@@ -115,6 +115,6 @@ def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:
         ("time constant", f"{balance.time_constant_s:.2f} s", ""),
         ("latent heat", f"{balance.latent_heat_j:.3f} J", within["latent_heat_j"]),
         ("resistance", f"{balance.resistance_cold_ohm:.2f} Ω", within["resistance_cold_ohm"]),
-        ("resistance when hot", f"{100 * balance.resistance_change:+.1f} %", within["resistance_change"]),
+        ("change of the resistance when hot", f"{100 * balance.resistance_change:+.1f} %", within["resistance_change"]),
         ("thermocouple lag", f"{1e3 * balance.thermocouple_lag_s:.0f} ms", within["thermocouple_lag_s"]),
     ]

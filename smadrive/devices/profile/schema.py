@@ -43,7 +43,8 @@ class Tcp(Section):
 class DeviceTiming(Section):
     """The timing in ms, and the limits of requests, that a client must keep.
 
-    The simulated device enforces `min_gap_ms`, `boot_ms`, the largest requests and the function codes.
+    The simulated device enforces `min_gap_ms`, `boot_ms`, the longest requests and the function codes; a simulated
+    instrument also `update_ms`.
     """
 
     response_timeout_ms: float = Field(gt=0, le=60_000)
@@ -86,7 +87,7 @@ class IdentityRegister(Section):
 
 
 class Roles(Section):
-    """The name of the register for each quantity and command that the driver uses."""
+    """The name of the register for each quantity and command that the driver or the simulated device uses."""
 
     temperature: str | None = None
     cold_junction: str | None = None

@@ -1,4 +1,4 @@
-"""Calls a function for every device of a rig, even if it fails for one of them."""
+"""Calls a function for every item, even if it fails for one of them."""
 
 from __future__ import annotations
 

@@ -51,7 +51,6 @@ class HealthEntry(BaseModel):
     rest_ohm         resistance at rest: of the cold wire, with leads and contacts, Ω
     rest_spread      largest deviation of the resistance from the model during the run, as a share
     rest_c           mean temperature of the wire at which rest_ohm was measured, °C
-    reference_c      temperature to which rest_ohm is corrected, °C; unknown without a temperature coefficient
     stroke_mm        stroke of the wire, mm
     heating_c        place of the heating branch: its temperature at the middle of the stroke, °C
     cooling_c        place of the cooling branch, °C
@@ -72,7 +71,6 @@ class HealthEntry(BaseModel):
     rest_ohm: Estimate = Estimate()
     rest_spread: Number = nan
     rest_c: Number = nan
-    reference_c: Number = nan
     stroke_mm: Estimate = Estimate()
     heating_c: Estimate = Estimate()
     cooling_c: Estimate = Estimate()
