@@ -7,7 +7,8 @@ from math import nan
 from typing import NamedTuple
 
 from smadrive.display.ascii_text import ascii_text
-from smadrive.display.card import card, quantity
+from smadrive.display.card import card
+from smadrive.display.number_text import quantity
 
 
 class DisplacementFrom(StrEnum):

@@ -13,7 +13,7 @@ from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
-from smadrive.display.card import count_text
+from smadrive.display.number_text import count_text
 from smadrive.errors import TripError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG

@@ -15,7 +15,7 @@ from smadrive.cli.views.announcement import announced, log_named_at_interruption
 from smadrive.cli.views.run_view import shown
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.loop import LoopMetrics
-from smadrive.display.card import quantity
+from smadrive.display.number_text import quantity
 from smadrive.errors import TripError
 from smadrive.files.atomic import check_output, unused_record
 from smadrive.files.kinds import LOG

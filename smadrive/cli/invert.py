@@ -10,7 +10,7 @@ import typer
 from numpy.typing import NDArray
 
 from smadrive.cli.terminal.output import AsJson, Output
-from smadrive.display.card import count_text
+from smadrive.display.number_text import count_text
 from smadrive.errors import DataError
 from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table, replaced_caveats, write_table

@@ -11,7 +11,7 @@ import typer
 
 from smadrive.cli.parsing.options import RigFile, TraceFolder
 from smadrive.cli.terminal.output import AsJson, Output
-from smadrive.cli.views.reports.health_report import show_health
+from smadrive.cli.views.health_view import show_health
 from smadrive.measurement import Measurement
 from smadrive.rig.calibration.description import descriptions, today
 from smadrive.rig.config import RigConfig, load_rig

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.terminal.output import AsJson, Output
-from smadrive.display.card import count_text
+from smadrive.display.number_text import count_text
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.replay import Replay, prediction_percent, replay

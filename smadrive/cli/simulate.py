@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.terminal.output import AsJson, Output
-from smadrive.display.card import count_text
+from smadrive.display.number_text import count_text
 from smadrive.errors import DataError
 from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table, replaced_caveats, write_table

@@ -18,7 +18,7 @@ from smadrive.cli.views.keyboard import end_interrupt, end_key
 from smadrive.cli.views.watch_view import Extremes, watched_values
 from smadrive.clock import VirtualClock
 from smadrive.control.loop import TickHandler
-from smadrive.display.card import count_text
+from smadrive.display.number_text import count_text
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.extras import check_extra

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterable
-from math import isfinite
 
 from smadrive.display.colours import CARD_WARNING
 
@@ -25,13 +24,3 @@ def card(title: str, facts: Facts, plot: str = "", warnings: Iterable[str] = ())
     notes = "".join(f"<div style='color:{CARD_WARNING}'>warning: {html.escape(text)}</div>" for text in warnings)
     table = f"<table style='border:0;margin:0;color:inherit;font:inherit'>{rows}</table>" if rows else ""
     return f"<div style='{FONT}'><b>{html.escape(title)}</b><div style='{BOX}'>{table}{plot}</div>{notes}</div>"
-
-
-def quantity(value: float, digits: int, unit: str) -> str:
-    """Return a value with `digits` decimals and its unit; a dash for a value that is not finite."""
-    return f"{value:.{digits}f} {unit}" if isfinite(value) else "–"
-
-
-def count_text(number: int, noun: str) -> str:
-    """Return a number with its noun, such as `1 sample` or `20 samples`."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

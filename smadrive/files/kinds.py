@@ -24,6 +24,7 @@ HEAD_BYTES = 1 << 20
 """The number of bytes at the beginning of a file that are examined. Every config and every model is smaller."""
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
+"""First bytes of every HDF5 file."""
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,7 @@ May import wire, hysteresis and numerics. Controllers, devices and log files do 
 """
 
 from smadrive.identification.duhem import identify_duhem
-from smadrive.identification.quality.hold_out import HoldOut, hold_out
 from smadrive.identification.quality.metrics import Fit
 from smadrive.identification.tsfuzzy.fit import identify_tsfuzzy
 
-__all__ = ["Fit", "HoldOut", "hold_out", "identify_duhem", "identify_tsfuzzy"]
+__all__ = ["Fit", "identify_duhem", "identify_tsfuzzy"]

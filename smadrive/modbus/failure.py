@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from smadrive.display.card import count_text
+from smadrive.display.number_text import count_text
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, SmadriveError
 from smadrive.modbus.verdict import MEANINGS, TRANSIENT_CODES, Outcome, Verdict
 

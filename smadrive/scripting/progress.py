@@ -18,7 +18,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from smadrive.display.card import FONT, quantity
+from smadrive.display.card import FONT
+from smadrive.display.number_text import quantity
 from smadrive.scripting.loop.loop_client import Show, show_nothing
 from smadrive.scripting.loop.messages import RunProgress
 

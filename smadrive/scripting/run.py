@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smadrive.display.ascii_text import ascii_text
-from smadrive.display.card import card, quantity
+from smadrive.display.card import card
 from smadrive.display.colours import MEASURED
 from smadrive.display.line_plot import INK, Curve, line_plot
+from smadrive.display.number_text import quantity
 from smadrive.errors import ConfigError
 from smadrive.files.extras import install_cure
 from smadrive.files.spelling import suggestion_or_list

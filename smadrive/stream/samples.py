@@ -32,7 +32,10 @@ COLUMNS = (
 Rows = NDArray[np.float64]
 """An array of shape (rows, columns)."""
 
-DISPLACEMENT = COLUMNS.index("displacement_mm")
+COLUMN = {name: number for number, name in enumerate(COLUMNS)}
+"""The number of each column in a row."""
+
+DISPLACEMENT = COLUMN["displacement_mm"]
 
 _values_of = row_getter(COLUMNS)
 

@@ -10,7 +10,7 @@ import typer
 
 from smadrive.cli.terminal.output import Output
 from smadrive.control.loop import TickHandler
-from smadrive.display.card import count_text
+from smadrive.display.number_text import count_text
 from smadrive.rig.config import RigConfig
 from smadrive.rig.rig import Rig
 from smadrive.stream.published_state import PublishedMode

@@ -10,7 +10,7 @@ from pathlib import Path
 from smadrive.cli.terminal.output import Output
 from smadrive.clock import Clock, VirtualClock
 from smadrive.control.loop import TickHandler
-from smadrive.display.card import count_text
+from smadrive.display.number_text import count_text
 from smadrive.errors import StoppedError
 from smadrive.identification.excitation import Excitation
 from smadrive.runs.experiments import Watch

@@ -17,7 +17,7 @@ from rich.live import Live
 from rich.text import Text
 
 from smadrive.control.loop import Tick, TickHandler
-from smadrive.display.card import quantity
+from smadrive.display.number_text import quantity
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 

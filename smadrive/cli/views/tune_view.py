@@ -17,7 +17,7 @@ from rich.text import Text
 from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.run_view import drawing
 from smadrive.control.loop import Tick
-from smadrive.display.card import quantity
+from smadrive.display.number_text import quantity
 from smadrive.errors import ConfigError
 from smadrive.safety.shutdown import off_text
 from smadrive.stream.published_state import PublishedMode

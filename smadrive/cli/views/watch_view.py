@@ -13,7 +13,7 @@ from rich.text import Text
 from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.run_view import drawing
 from smadrive.control.loop import Tick, TickHandler
-from smadrive.display.card import quantity
+from smadrive.display.number_text import quantity
 
 WINDOW_S = 60.0
 """The time that a plot shows, s."""

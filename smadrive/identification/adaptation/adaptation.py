@@ -41,8 +41,9 @@ from smadrive.hysteresis.model import HysteresisState
 from smadrive.hysteresis.reversal import DeadBand
 from smadrive.identification.adaptation.likely_changes import LikelyChanges
 from smadrive.identification.adaptation.plane_state import UNMOVED, PlaneState
-from smadrive.identification.adaptation.rules_state import RulesState, rates_of
+from smadrive.identification.adaptation.rules_state import RulesState
 from smadrive.identification.adaptation.travelled_ranges import TravelledRanges
+from smadrive.identification.tsfuzzy.sensitivity import rates_of
 from smadrive.numerics.arrays import FloatArray
 
 

@@ -13,8 +13,8 @@ from math import log
 import numpy as np
 
 from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
-from smadrive.identification.adaptation.rules_state import rates_of
 from smadrive.identification.reshape import shape_of
+from smadrive.identification.tsfuzzy.sensitivity import rates_of
 from smadrive.numerics.arrays import FloatArray
 
 APART = 0.25

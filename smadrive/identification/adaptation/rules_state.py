@@ -16,23 +16,11 @@ from math import exp
 import numpy as np
 
 from smadrive.hysteresis import TSFuzzyDuhem
-from smadrive.identification.tsfuzzy.sensitivity import laws_of
+from smadrive.identification.tsfuzzy.sensitivity import LEAST_RATE, laws_of
 from smadrive.numerics.arrays import FloatArray
-
-LEAST_RATE = 1e-3
-"""Lower limit of p of each heating rule and of q of each cooling rule, in 1/(input span).
-
-With this limit every rule contracts.
-"""
 
 LONGEST_STEP = 0.25
 """The largest change of v in one step, in the unit of v. A larger change is made in several steps."""
-
-
-def rates_of(model: TSFuzzyDuhem) -> FloatArray:
-    """Return the rates θ of the rules of a model, shape (4 · sets,)."""
-    (a_heating, b_heating), (a_cooling, b_cooling) = model.heating_law, model.cooling_law
-    return np.concatenate([b_heating, -a_heating - b_heating, -b_cooling, a_cooling + b_cooling])
 
 
 class RulesState:

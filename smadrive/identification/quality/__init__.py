@@ -1,1 +1,1 @@
-"""Quality of a fit: residuals, hold-out, leave-one-out, caveats."""
+"""Quality of a fit: residuals, uncertainty, leave-one-out, caveats."""

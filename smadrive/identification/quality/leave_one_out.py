@@ -8,10 +8,10 @@ the ties of the rules to the prior, and J_i is its row of sample i. Without samp
 (Allen's PRESS). A leverage near 1 means that a rule follows this sample alone. Then the residual of the sample has no
 meaning. This happens with free rules on steep, sparsely sampled parts of a loop.
 
-Noise and gaps both raise the error at a sample that the fit did not use. In hold_out.py, which fits every other sample,
+Noise and gaps both raise the error at a sample that the fit did not use. If a fit uses every other sample (hold-out),
 the usual bound of this error is 1.2 times the training error: the variance may be larger by the share 0.44. The bound
 here must also hold for such a fit. If it leaves out one of its own samples, the gap around this sample is twice as wide
-as in hold_out.py, and the share at least doubles. So the bound here is (1 + 2 · 0.44)^½ = 1.37.
+as between these samples, and the share at least doubles. So the bound here is (1 + 2 · 0.44)^½ = 1.37.
 """
 
 from __future__ import annotations

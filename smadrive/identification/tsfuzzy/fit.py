@@ -214,7 +214,7 @@ def _placements(record: Record, sets: int | Sequence[float], *, fit_centres: boo
     move lie closer together where the output changes most.
     """
     lower, upper = record.input_range
-    if sets is not None and not np.isscalar(sets):
+    if not np.isscalar(sets):
         return [_given_centres(sets, lower, upper)]
     most = int(0.5 / LEAST_GAP)
     sets = whole_number(sets, "sets", "fuzzy sets", 2, most, IdentificationError)

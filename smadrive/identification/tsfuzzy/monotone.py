@@ -23,7 +23,7 @@ import numpy as np
 
 from smadrive.hysteresis.tsfuzzy import MembershipGrid, TSFuzzyDuhem
 from smadrive.identification.tsfuzzy.record_reversal import NOWHERE, Mask, RecordReversals
-from smadrive.identification.tsfuzzy.sensitivity import RuleTables, laws_of
+from smadrive.identification.tsfuzzy.sensitivity import RuleTables, laws_of, rates_of
 from smadrive.numerics.arrays import FloatArray
 
 _ROUNDS = 20  # a smaller q raises H, a smaller p lowers C: a few rounds suffice; later, rates become zero
@@ -135,8 +135,7 @@ def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals
     rates q of the heating rules and p of the cooling rules are reduced as little as possible. Rules that are active
     where the wire itself reverses (`reversals`) stay as they are.
     """
-    p_heating, q_heating = model.heating_law[1], -model.heating_law[0] - model.heating_law[1]
-    p_cooling, q_cooling = -model.cooling_law[1], model.cooling_law[0] + model.cooling_law[1]
+    p_heating, q_heating, p_cooling, q_cooling = rates_of(model).reshape(4, -1)
     grid, (up, down) = MembershipGrid(model.sets, model.engine.nodes), reversals.at(model.engine.nodes)
     mu, heating, cooling = grid.at_nodes, model.engine.heating.target, model.engine.cooling.target
     for number in range(_ROUNDS + 2 * len(p_heating)):

@@ -21,14 +21,13 @@ from smadrive.identification.record import Record
 from smadrive.identification.tsfuzzy.monotone import least_slope_derivatives, least_slopes
 from smadrive.identification.tsfuzzy.prior import Prior
 from smadrive.identification.tsfuzzy.record_reversal import RecordReversals, find_record_reversals
-from smadrive.identification.tsfuzzy.sensitivity import RuleRates, RuleTables, Runs, laws_of
+from smadrive.identification.tsfuzzy.sensitivity import LEAST_RATE, RuleRates, RuleTables, Runs, laws_of
 from smadrive.identification.tsfuzzy.unknowns import BOTTOM, FIRST_STATE, TOP, Unknowns
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.interpolation_matrix import InterpolationMatrix
 from smadrive.numerics.levenberg_marquardt import Minimum, minimise
 
 LEAST_GAP = 0.01  # least distance of two centres, as a share of the input span
-_LEAST_RATE = 1e-3  # rate per input span that keeps every rule contracting
 _LARGEST_RATE = 300.0
 _SPARE_OUTPUT = 0.05  # share of the span by which bottom and top of a model may exceed the known outputs
 _STRAY_GAP = 3.0  # unit of the tie between the logits of the gaps and their start (see Prior.reach)
@@ -219,7 +218,7 @@ class RuleProblem:
         low, high = np.full(len(self.start), -np.inf), np.full(len(self.start), np.inf)
         low[unknowns.rates], high[unknowns.rates] = 0.0, _LARGEST_RATE
         for rates in unknowns.contracting:
-            low[rates] = _LEAST_RATE
+            low[rates] = LEAST_RATE
         low[BOTTOM:], high[BOTTOM:] = self._output_bounds()
         return low, high
 

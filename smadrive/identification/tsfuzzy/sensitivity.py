@@ -34,11 +34,17 @@ from smadrive.hysteresis.branch.tabulate import (
     uniform_grid,
 )
 from smadrive.hysteresis.fuzzy import hat_weights
-from smadrive.hysteresis.tsfuzzy import Law
+from smadrive.hysteresis.tsfuzzy import Law, TSFuzzyDuhem
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.interpolation_matrix import InterpolationMatrix
 
 BINS = 240  # table cells of a trial model
+
+LEAST_RATE = 1e-3
+"""Lower limit of p of each heating rule and of q of each cooling rule, in 1/(input span).
+
+With this limit every rule contracts.
+"""
 
 
 class RuleRates(NamedTuple):
@@ -62,6 +68,12 @@ def laws_of(
     A rule is dw/dv = a w + b. The rates p (towards w = 1) and q (towards w = 0), a and b have one number per set.
     """
     return (-(p_heating + q_heating), p_heating), (p_cooling + q_cooling, -p_cooling)
+
+
+def rates_of(model: TSFuzzyDuhem) -> FloatArray:
+    """Return the rates of the rules of a model in the order of `laws_of`, shape (4 · sets,)."""
+    (a_heating, b_heating), (a_cooling, b_cooling) = model.heating_law, model.cooling_law
+    return np.concatenate([b_heating, -a_heating - b_heating, -b_cooling, a_cooling + b_cooling])
 
 
 class Runs:

@@ -33,7 +33,8 @@ def _displacement(comparison: RunComparison) -> Plot:
     scored = [log for log in comparison.logs if has_setpoint(log) and np.isfinite(error_percent(log)).any()]
     figure, (upper, *lower) = panels((3.0, 1.9) if scored else (3.0,))
     is_one = CHECKSUM not in comparison.settings and all("reference" in log.metadata for log in comparison.logs)
-    for number, (log, colour) in enumerate(_coloured(comparison, upper, "displacement_mm")):
+    _draw(comparison, upper, "displacement_mm")
+    for number, (log, colour) in enumerate(zip(comparison.logs, RUN_COLOURS, strict=False)):
         if has_setpoint(log) and (number == 0 or not is_one):
             look = {"color": SETPOINT, "label": "setpoint"} if is_one else {"color": colour}
             line(upper, log.column("time_s"), log.column_with_gaps("setpoint_mm"), ls="--", lw=0.9, **look)
@@ -53,11 +54,9 @@ def _displacement(comparison: RunComparison) -> Plot:
 
 def _heat(comparison: RunComparison) -> Plot:
     figure, (upper, lower) = panels((2.6, 1.9))
-    for _ in _coloured(comparison, upper, "temperature_c"):
-        pass
+    _draw(comparison, upper, "temperature_c")
     legend(upper)
-    for _ in _coloured(comparison, lower, "current_a"):
-        pass
+    _draw(comparison, lower, "current_a")
     for number, log in enumerate(comparison.logs):
         limits, dashes = rig_config_of(log).limits, (0, (1, 2 + number))
         upper.axhline(limits.temperature_max_c, color=LIMIT, ls=dashes, lw=1.0)
@@ -79,12 +78,11 @@ def _plane(comparison: RunComparison) -> Plot:
     return Plot("Temperature and displacement", figure, caption)
 
 
-def _coloured(comparison: RunComparison, ax: Axes, name: str) -> Iterator[tuple[Log, str]]:
-    """Draw the column `name` of each run over time, in the colour of the run. Yield each log and its colour."""
+def _draw(comparison: RunComparison, ax: Axes, name: str) -> None:
+    """Draw the column `name` of each run over time, in the colour of the run."""
     for title, log, colour in zip(comparison.names, comparison.logs, RUN_COLOURS, strict=False):
         line(ax, log.column("time_s"), log.column_with_gaps(name), color=colour, lw=1.2, label=title)
-        ax.set_ylabel(COLUMNS[name].axis_label)
-        yield log, colour
+    ax.set_ylabel(COLUMNS[name].axis_label)
 
 
 def _has(log: Log, name: str) -> bool:

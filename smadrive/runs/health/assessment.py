@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from smadrive.display.card import count_text, quantity
+from smadrive.display.number_text import count_text, quantity
 from smadrive.errors import DataError, SmadriveError
 from smadrive.files.kinds import MODEL
 from smadrive.rig.config import FeedbackConfig

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from smadrive.errors import DataError
 from smadrive.files.atomic import creating
+from smadrive.files.kinds import HDF5
 from smadrive.runs.log.checksums import SUM, VALUE, alphabetical, end_sum, event_sum, row_sums
 from smadrive.runs.log.event_text import parts_of
 from smadrive.runs.log.layout import CHUNK_ROWS, EVENT_BYTES, EVENT_ROWS, create_log, time_text
@@ -38,9 +39,6 @@ STRUCTURE_BYTES = 1 << 18
 """Upper bound of the bytes that HDF5 needs besides the rows and texts."""
 
 LEAVE = "run again, and do not touch the log or its folder before the run has ended"
-
-SIGNATURE = b"\x89HDF\r\n\x1a\n"
-"""First bytes of every HDF5 file."""
 
 
 class Field:
@@ -176,7 +174,7 @@ class LogFile:
         """
         with self._as_data_error():
             is_in_place = self._is_in_place()
-            is_whole = os.fstat(self._handle).st_size >= self._size and os.pread(self._handle, 8, 0) == SIGNATURE
+            is_whole = os.fstat(self._handle).st_size >= self._size and os.pread(self._handle, 8, 0) == HDF5
         if not is_in_place:
             raise DataError("the log was removed, moved or replaced while it was written", where=self._path, cure=LEAVE)
         if not is_whole:

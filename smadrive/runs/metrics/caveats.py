@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from smadrive.identification.quality.thermocouple_noise import noise_caveats
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.series import MEASURABLE, of_finite
+from smadrive.runs.metrics.thermocouple_noise import noise_caveats
 from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
 from smadrive.runs.run_metadata import nominal_balance, rig_config_of, texts_of, wire_of
 from smadrive.wire.data_sheet import resistance_caveats

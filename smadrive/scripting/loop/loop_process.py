@@ -131,7 +131,7 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
 
 
 def _counts(loop: LoopMetrics) -> DrivenRun:
-    return DrivenRun(loop.ticks, loop.missed_deadlines)
+    return DrivenRun(loop.missed_deadlines)
 
 
 def _driven(request: DriveRequest, rig: Rig, link: ScriptLink) -> DrivenRun:

@@ -22,7 +22,6 @@ from smadrive.interrupts import HeldSignals
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig
 from smadrive.runs.cycling.cycles import Cycling
-from smadrive.runs.log.reader import RunEvent
 from smadrive.wire.identified_wire import IdentifiedWire
 
 REQUEST, INTERRUPT, END, COMMAND = b"R", b"I", b"E", b"C"
@@ -142,23 +141,21 @@ class OpenedRig(NamedTuple):
 
 
 class DrivenRun(NamedTuple):
-    """The result of a run: the counts of the loop, the user's controller after the run, and caveats about it.
+    """The result of a run: its missed deadlines, the user's controller after the run, and caveats about it.
 
     `controller` is None if the run had no such controller, or if it cannot be transferred.
     """
 
-    ticks: int
     missed_deadlines: int
     controller: Any = None
     caveats: tuple[str, ...] = ()
 
 
 class RunProgress(NamedTuple):
-    """The progress of a run of `duration_s`: its latest tick and its latest events."""
+    """The progress of a run of `duration_s`: its latest tick."""
 
     tick: Tick
     duration_s: float
-    events: tuple[RunEvent, ...]
 
 
 class ScriptEndedError(SystemExit):

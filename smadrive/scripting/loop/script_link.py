@@ -138,7 +138,7 @@ class ScriptLink:
             self.check()
             if time.monotonic() - sent_s >= PROGRESS_S:
                 sent_s = time.monotonic()
-                self._report(RunProgress(tick, duration_s, tuple(recorder.latest)))
+                self._report(RunProgress(tick, duration_s))
 
         yield record
 

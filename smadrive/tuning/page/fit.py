@@ -29,7 +29,7 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.record import prepare
 from smadrive.identification.wire import FitSettings, identify_hysteresis
 from smadrive.numerics.arrays import FloatArray
-from smadrive.stream.samples import COLUMNS, Rows
+from smadrive.stream.samples import COLUMN, Rows
 from smadrive.wire.identified_wire import IdentifiedWire, parse_wire
 from smadrive.wire.wire_model import travel_mm
 
@@ -117,8 +117,8 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[FloatArray, Floa
     records are thinned out (see MAX_SAMPLES). `wire` is the text of the wire in force. IdentificationError when no
     samples remain, when the wire moved too little, or when the samples do not contain a full loop.
     """
-    wire_c, reached_mm = (rows[:, COLUMNS.index(name)] for name in ("estimated_c", "displacement_mm"))
-    times_s = rows[:, COLUMNS.index("time_s")]
+    wire_c, reached_mm = (rows[:, COLUMN[name]] for name in ("estimated_c", "displacement_mm"))
+    times_s = rows[:, COLUMN["time_s"]]
     if not times_s.size:
         raise IdentificationError("nothing was recorded yet", cure=ARM_AND_START)
     used = (times_s > times_s[-1] - seconds) & np.isfinite(wire_c) & np.isfinite(reached_mm)

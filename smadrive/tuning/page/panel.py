@@ -12,7 +12,7 @@ from smadrive.control.loop import LATE_FRACTION
 from smadrive.measurement import DisplacementFrom
 from smadrive.safety.shutdown import off_text
 from smadrive.stream.published_state import PublishedMode
-from smadrive.stream.samples import COLUMNS, Rows
+from smadrive.stream.samples import COLUMN, Rows
 
 TIMED_ROWS = 1200
 SHOWN_EVENTS = 8
@@ -27,7 +27,7 @@ SENSOR_REPLACED = (
     "its readings are not shown, and the displacement is estimated"
 )
 
-_LATE = COLUMNS.index("late_s")
+_LATE = COLUMN["late_s"]
 
 
 class LoopTiming:

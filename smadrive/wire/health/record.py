@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 from pydantic import ValidationError
 
-from smadrive.display.card import count_text
+from smadrive.display.number_text import count_text
 from smadrive.errors import DataError
 from smadrive.files.checked_line import checked_line, fields_of_line
 from smadrive.files.kinds import check_regular

@@ -35,7 +35,7 @@ HANG_GUARD_S = 300
 
 def progress_at(time_s, duration_s):
     measurement = Measurement(time_s, 54.32, 0.2, 3.0)
-    return RunProgress(Tick(time_s, 0.0, measurement, Command(0.2)), duration_s, ())
+    return RunProgress(Tick(time_s, 0.0, measurement, Command(0.2)), duration_s)
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,7 @@ def test_terminal_shows_the_estimate_and_says_so(tmp_path, tick, displacement, e
 
 @pytest.mark.parametrize(("tick", "displacement"), [(VALID, "· 4.00 mm"), (REPLACED, "· estimated 8.00 mm")])
 def test_progress_of_a_script_shows_the_estimate_and_says_so(tick, displacement):
-    assert displacement in progress_text("tracking", RunProgress(tick, 10.0, ()))
+    assert displacement in progress_text("tracking", RunProgress(tick, 10.0))
 
 
 def test_its_readings_are_neither_published_nor_read():

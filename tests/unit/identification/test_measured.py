@@ -4,8 +4,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hold_out import hold_out
 
-from smadrive.identification import hold_out, identify_duhem, identify_tsfuzzy
+from smadrive.identification import identify_duhem, identify_tsfuzzy
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 RECORDS = (

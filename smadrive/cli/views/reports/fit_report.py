@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from smadrive.cli.views.resistance_view import resistance_sentences
-from smadrive.display.card import count_text
+from smadrive.display.number_text import count_text
 from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import DuhemFit
 from smadrive.identification.wire import AnyFit

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from smadrive.display.card import quantity
+from smadrive.display.number_text import quantity
 from smadrive.runs.comparison.settings import set_values
 from smadrive.runs.cycling.cycles import CYCLE_HEADER, cycle_rows, cycles_of, cycling_of, thinned
 from smadrive.runs.figures.cycle_plots import cycle_plot

@@ -16,7 +16,7 @@ from bokeh.core.properties import List, String
 from bokeh.model import DataModel
 from bokeh.models import CustomJS
 
-from smadrive.stream.samples import COLUMNS, Rows
+from smadrive.stream.samples import COLUMN, Rows
 
 OLD_S = 1.5
 """Numbers are hidden if no sample has arrived for this time, or for `OLD_PERIODS` periods if these are longer."""
@@ -27,8 +27,6 @@ NONE = "—"
 
 DIGITS = 4
 """Largest number of digits of a value, so that the value fits into its field."""
-
-_COLUMN = {name: number for number, name in enumerate(COLUMNS)}
 
 
 class LiveNumber(NamedTuple):
@@ -91,7 +89,7 @@ def measured_numbers(row: Rows) -> tuple[LiveNumber, ...]:
 
 
 def _measured(row: Rows, name: str, decimals: int) -> LiveNumber:
-    value = float(row[_COLUMN[name]])
+    value = float(row[COLUMN[name]])
     return LiveNumber(_text(value, decimals), "measured" if isfinite(value) else "unknown")
 
 
@@ -101,7 +99,7 @@ def tracking_numbers(row: Rows, stroke_mm: float) -> tuple[LiveNumber, ...]:
     A missing measurement of temperature or displacement is replaced by the estimate of the model, a missing
     measurement of the current by the commanded current.
     """
-    values = {name: float(row[number]) for name, number in _COLUMN.items()}
+    values = {name: float(row[number]) for name, number in COLUMN.items()}
     setpoint_mm = values["setpoint_mm"]
     reached_mm = next((mm for mm in (values["displacement_mm"], values["estimated_mm"]) if isfinite(mm)), nan)
     displacement = _number(values, "displacement_mm", "estimated_mm", "estimated", 2)

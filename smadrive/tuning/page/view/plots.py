@@ -11,10 +11,10 @@ from bokeh.plotting import figure
 
 from smadrive.display.colours import PAGE_COOLING, PAGE_ESTIMATED, PAGE_HEATING, PAGE_MEASURED, PAGE_SETPOINT
 from smadrive.hysteresis import IdentifiedModel, TSFuzzyDuhem, TSFuzzyPreisach
-from smadrive.stream.samples import Rows
+from smadrive.stream.samples import COLUMN, Rows
 from smadrive.tuning.page.view.error_axis import error_axis
 from smadrive.tuning.page.view.figures import lines, plain_figure
-from smadrive.tuning.page.view.time_plots import COLUMN, DRAWN, POINTS, TimePlots, show_time_axis
+from smadrive.tuning.page.view.time_plots import DRAWN, POINTS, TimePlots, show_time_axis
 
 MOVED = 0.004
 """The measured loop gets a new point when the wire has moved by this share of an axis."""

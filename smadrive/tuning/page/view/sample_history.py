@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.stream.samples import COLUMNS, Rows
+from smadrive.stream.samples import COLUMN, COLUMNS, Rows
 from smadrive.tuning.link.channel import PageEnd
 
 FULL_ROWS = 1 << 16
@@ -18,9 +18,9 @@ FULL_ROWS = 1 << 16
 
 CAPACITY = 2 * FULL_ROWS
 
-EXTREMES_OF = tuple(COLUMNS.index(name) for name in ("temperature_c", "displacement_mm", "current_a"))
+EXTREMES_OF = tuple(COLUMN[name] for name in ("temperature_c", "displacement_mm", "current_a"))
 
-_TIME = COLUMNS.index("time_s")
+_TIME = COLUMN["time_s"]
 
 
 class SampleHistory:

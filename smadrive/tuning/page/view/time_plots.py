@@ -9,7 +9,7 @@ from bokeh.models import ColumnDataSource, DataRange1d, Range, Range1d
 from bokeh.plotting import figure
 
 from smadrive.display.colours import PAGE_ESTIMATED, PAGE_MEASURED, PAGE_SETPOINT
-from smadrive.stream.samples import COLUMNS, Rows
+from smadrive.stream.samples import COLUMN, Rows
 from smadrive.tuning.page.view.figures import limit, lines, plain_figure
 
 POINTS = 2000
@@ -29,9 +29,6 @@ DRAWN = (
     "commanded_a",
 )
 """The columns that are drawn over time."""
-
-COLUMN = {name: number for number, name in enumerate(COLUMNS)}
-"""The index of each column in a row, by the name of the column."""
 
 
 def following_axis(shortest: float) -> Range:

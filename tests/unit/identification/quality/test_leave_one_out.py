@@ -4,9 +4,10 @@ from functools import partial
 
 import numpy as np
 import pytest
+from hold_out import hold_out
 
 from smadrive.hysteresis import DuhemModel, GaussianMixture
-from smadrive.identification import hold_out, identify_duhem, identify_tsfuzzy
+from smadrive.identification import identify_duhem, identify_tsfuzzy
 from smadrive.identification.quality.leave_one_out import leave_one_out_ratio
 
 WIRE = DuhemModel.mixture(  # knees and a cliff, as drawn wire has

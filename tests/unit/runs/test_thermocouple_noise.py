@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smadrive.identification.quality.thermocouple_noise import LEAST_SAMPLES, measured_noise_c
+from smadrive.runs.metrics.thermocouple_noise import LEAST_SAMPLES, measured_noise_c
 
 TIME_S = np.arange(0.0, 60.0, 0.05)
 ZIGZAG_C = 70.0 + 40.0 * np.abs((TIME_S / 10.0) % 2.0 - 1.0)
