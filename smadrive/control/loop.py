@@ -232,11 +232,17 @@ class ControlLoop:
         """Command zero current once, call `on_trip`, which may wait for a disk, and return the error of the trip.
 
         The command may fail: the safe state follows in any case. After a take-over the heater sends no command. A
-        signal during the command does not replace the trip, but counts for the switching off.
+        signal meanwhile does not replace the trip, but counts for the switching off.
         """
         self.metrics.trips += 1
         error = trip.error()
-        outcome = shut_down(lambda: self._heater.exchange(0.0))
-        self._on_trip(error)
+
+        def end_heat() -> None:
+            try:
+                self._heater.exchange(0.0)
+            finally:
+                self._on_trip(error)
+
+        outcome = shut_down(end_heat)
         carry(error, replace(NOT_TRIED, signals=outcome.signals))
         return error

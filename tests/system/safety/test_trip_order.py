@@ -84,6 +84,21 @@ def test_dead_line_delays_the_latch_by_one_exchange(bench, commands):
     assert (zero_a, latched) == (0.0, LATCHED)
 
 
+def test_signal_while_a_trip_is_written_does_not_replace_the_trip(bench, monkeypatch):
+    latch, ticks = TripLatch.latch, []
+
+    def interrupted_latch(self, trip):
+        signal.raise_signal(signal.SIGINT)
+        latch(self, trip)
+
+    monkeypatch.setattr(TripLatch, "latch", interrupted_latch)
+    trip = bench.run_to_trip(ticks.append)
+    assert trip.number == Fault.OVER_DISPLACEMENT.number
+    assert shutdown_of(trip) == ShutdownOutcome(None, (signal.SIGINT,), ended_run=True)
+    assert bench.rig.latch.read() is not None
+    assert ticks[-1].tripped
+
+
 @pytest.mark.parametrize(
     "error",
     [TakenOverError("taken over"), SafetyError("no guardian"), OSError(), StoppedError("stopped"), None],
