@@ -186,10 +186,18 @@ def test_wrong_plan_of_the_excitation_is_an_error_with_its_key(folder, excitatio
 
 
 def test_off_reads_the_addresses_of_a_rig_file_with_other_errors(folder):
-    config = load_off_config(edited(folder, rate_hz="fast", limits={"temperature_max_c": "hot"}))
+    limits = {"temperature_max_c": "hot", "current_max_a": 0.045}
+    config = load_off_config(edited(folder, rate_hz="fast", limits=limits))
     assert [device.name for device in config.devices] == ["board"]
-    assert config.current_max_a == inf
+    assert (config.current_max_a, config.mistakes) == (0.045, ())
     assert load_off_config("in-process").current_max_a == 0.6
+
+
+@pytest.mark.parametrize("limits", [*({"current_max_a": given} for given in ("0.6", True, -1, inf)), 0.6])
+def test_off_warns_of_a_current_limit_that_it_cannot_read(folder, limits):
+    config = load_off_config(edited(folder, limits=limits))
+    assert config.current_max_a == inf
+    assert [mistake.where.endswith("limits.current_max_a") for mistake in config.mistakes] == [True]
 
 
 @pytest.mark.parametrize("devices", ["board", [1]])
