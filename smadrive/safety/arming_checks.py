@@ -60,7 +60,7 @@ def _check_current(measurement: Measurement, limits: SafetyLimits) -> None:
     if not isfinite(measurement.current_a):
         fault, reason = Fault.POWER_UNKNOWN, measurement.supply_fault or "no reading of the current"
         raise SafetyError(f"{REFUSED}: {fault.cause}", value=reason, cure=fault.remedy)
-    if measurement.current_a > limits.current_tolerance_a:
+    if abs(measurement.current_a) > limits.current_tolerance_a:
         what, cure = f"{REFUSED}: current flows although no current was commanded", Fault.UNEXPECTED_HEATING.remedy
         raise SafetyError(what, value=f"{measurement.current_a:.3f} A", cure=cure)
 

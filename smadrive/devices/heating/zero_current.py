@@ -43,7 +43,7 @@ def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock
                 raise
             clock.sleep_until(clock.now_s() + LOOK_AGAIN_S)
             continue
-        flows = not supplied.current_a <= min(CURRENT_ZERO_A, ZERO_SHARE * current_max_a)
+        flows = not abs(supplied.current_a) <= min(CURRENT_ZERO_A, ZERO_SHARE * current_max_a)
         if not (flows or supplied.armed):
             return supplied
         if clock.now_s() >= give_up_s:

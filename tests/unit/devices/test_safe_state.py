@@ -99,6 +99,14 @@ def test_device_busy_at_the_current_check_is_asked_again(hot, rig, clock):
     assert not wait_for_zero_current(hot.source, 0.6, clock).armed
 
 
+def test_negative_current_counts_as_current(hot, clock, monkeypatch):
+    hot.source.enter_safe_state()
+    reversed_shunt = hot.source.exchange(0.0)._replace(current_a=-0.8)
+    monkeypatch.setattr(hot.source, "exchange", lambda _current_a, **_options: reversed_shunt)
+    with pytest.raises(SafetyError):
+        wait_for_zero_current(hot.source, 0.6, clock)
+
+
 @pytest.mark.parametrize("fails_from", [0, 1, 2, 5])
 @pytest.mark.parametrize("fails_for", [1, 3])
 def test_trace_that_fails_for_a_while_does_not_keep_the_heater_on(rig, clock, fails_from, fails_for):

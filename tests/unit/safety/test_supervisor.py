@@ -262,10 +262,11 @@ def test_loop_that_is_always_late_trips():
     assert trips[-1].fault is Fault.DEADLINES_MISSED
 
 
-def test_arming_is_rejected_while_current_flows():
+@pytest.mark.parametrize("current_a", [0.3, -0.3])
+def test_arming_is_rejected_while_current_flows(current_a):
     with pytest.raises(SafetyError) as error:
-        Supervisor(LIMITS).check_may_arm(sample(current_a=0.3, in_force_a=0.0))
-    assert (error.value.value, error.value.cure) == ("0.300 A", Fault.UNEXPECTED_HEATING.remedy)
+        Supervisor(LIMITS).check_may_arm(sample(current_a=current_a, in_force_a=0.0))
+    assert (error.value.value, error.value.cure) == (f"{current_a:.3f} A", Fault.UNEXPECTED_HEATING.remedy)
 
 
 @pytest.fixture
