@@ -46,13 +46,15 @@ class HeldSignals:
 
     def __enter__(self) -> Self:
         """Hold the signals from now on."""
-        self._may_abort = True
         if threading.current_thread() is threading.main_thread():
+            mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # a handler may raise: all are replaced first
             for number in SIGNALS:
                 handler = signal.getsignal(number)
                 if handler is not None and handler != signal.SIG_IGN:
                     self._handlers[number] = handler
                     signal.signal(number, self._count)
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        self._may_abort = True
         return self
 
     def __exit__(

@@ -1,20 +1,27 @@
-"""A signal at a chosen source line: KeyboardInterrupt is raised there, as the handler of SIGINT raises it."""
+"""A signal at a chosen source line."""
 
 import sys
 
 
-class InterruptedLine:
-    """A context manager that raises KeyboardInterrupt before one line of `modules`, and suppresses it at the end.
+def interrupt_main():
+    """Raise KeyboardInterrupt."""
+    raise KeyboardInterrupt
 
+
+class InterruptedLine:
+    """A context manager that calls `interrupt` before one line of `modules`, and suppresses KeyboardInterrupt.
+
+    `interrupt` raises KeyboardInterrupt there, as the handler of SIGINT does, or sends a signal to this process.
     `at` counts the lines of `modules` that run in the `with` block, beginning with 0. `reached` tells if the block had
     so many lines. A test that increments `at` until `reached` is False interrupts the block once at each line.
     `error` keeps the KeyboardInterrupt, and with it every object of the interrupted calls, as a shutdown does.
     """
 
-    def __init__(self, at, *modules):
+    def __init__(self, at, *modules, interrupt=interrupt_main):
         self.reached = False
         self.error = None
         self._left = at
+        self._interrupt = interrupt
         self._files = {module.__file__ for module in modules}
 
     def __enter__(self):
@@ -35,6 +42,7 @@ class InterruptedLine:
             if self._left == 0:
                 self.reached = True
                 sys.settrace(None)
-                raise KeyboardInterrupt
+                self._interrupt()
+                return None
             self._left -= 1
         return self._on_line

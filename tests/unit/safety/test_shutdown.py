@@ -1,9 +1,12 @@
 """The end of a run: the safe state is always written and its outcome known; signals change neither."""
 
 import signal
+from functools import partial
 
 import pytest
+from signal_injection import InterruptedLine
 
+from smadrive import interrupts
 from smadrive.errors import ConfigError, DeadlineError, TripError
 from smadrive.interrupts import ABORTS_AT, SIGNALS, AbortedError, HeldSignals
 from smadrive.safety.shutdown import UNCONFIRMED, ends_safe, shut_down, shutdown_of
@@ -149,6 +152,25 @@ def test_handlers_are_restored():
     with HeldSignals():
         assert [signal.getsignal(number) for number in SIGNALS] != before
     assert [signal.getsignal(number) for number in SIGNALS] == before
+
+
+def test_signal_at_any_line_of_the_block_leaves_the_handlers():
+    def interrupt(_number, _frame):
+        raise KeyboardInterrupt
+
+    usual = signal.signal(signal.SIGTERM, interrupt)
+    before = [signal.getsignal(number) for number in SIGNALS]
+    try:
+        at, reached = 0, True
+        while reached:
+            line = InterruptedLine(at, interrupts, interrupt=partial(signal.raise_signal, signal.SIGTERM))
+            with line, HeldSignals():
+                pass
+            assert [signal.getsignal(number) for number in SIGNALS] == before
+            at, reached = at + 1, line.reached
+        assert at > len(SIGNALS)
+    finally:
+        signal.signal(signal.SIGTERM, usual)
 
 
 def test_ignored_signal_stays_ignored():
