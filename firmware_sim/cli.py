@@ -108,7 +108,7 @@ def serve(
             log_line = _line_writer(file)
             address = _listen_address(pty, tcp, rtu_tcp)
             if replay is not None:
-                _check_alone(sim or profile or faults or line_speed or board)
+                _check_alone(sim or profile or faults or line_speed or board or seed)
                 _serve_replay(Replay(replay, log_line), address, stack, log_line, time)
             else:
                 bench = SimulatedBench(_with_board(load_sim(_named(sim)), board), seed, log_line)
@@ -130,7 +130,7 @@ def _with_board(config: SimConfig, board: BoardKind | None) -> SimConfig:
 def _check_alone(other: object) -> None:
     if other:
         raise ConfigError(
-            "this option cannot be combined with SIM.toml, --profile, --board, --faults or --line-speed",
+            "this option cannot be combined with SIM.toml, --profile, --board, --faults, --line-speed or --seed",
             where="--replay",
             cure="leave out the others",
         )

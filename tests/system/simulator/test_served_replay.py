@@ -54,6 +54,7 @@ def test_recording_is_served_as_the_recorded_device(option, tmp_path):
     [
         (["--replay", "/nowhere/bus.trace"], "/nowhere/bus.trace: "),
         ([SIM, "--replay", "/nowhere/bus.trace"], "--replay: "),
+        (["--replay", "/nowhere/bus.trace", "--seed", "3"], "--replay: "),
         ([], "no SIM.toml"),
     ],
 )
