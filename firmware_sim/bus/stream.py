@@ -38,9 +38,9 @@ class RequestStream:
         for start in range(len(self._pending) - 1):
             rest = self._pending[start:]
             size = rtu.request_size(rest)
-            if size is None:  # an unknown function: the frame can only end where the data end
+            if size == rtu.UNKNOWN_SIZE:  # the frame can only end where the data end
                 size = len(rest)
-            if (size == 0 or size > len(rest)) and size <= rtu.MAX_FRAME:
+            if size is None or len(rest) < size <= rtu.MAX_FRAME:
                 waiting_from = start if waiting_from is None else waiting_from
             elif size <= rtu.MAX_FRAME and rtu.crc_holds(rest[:size]):
                 self._drop(start)

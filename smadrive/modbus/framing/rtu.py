@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 MIN_FRAME = 4
 MAX_FRAME = 256
+UNKNOWN_SIZE = 0
 BROADCAST = 0
 
 
@@ -51,16 +52,16 @@ def crc_holds(frame: bytes) -> bool:
 def request_size(head: bytes) -> int | None:
     """Return the number of bytes in the request frame that begins with `head`.
 
-    Return 0 while `head` is too short, and None for an unknown function.
+    Return None while `head` is too short, and UNKNOWN_SIZE for an unknown function.
     """
     if len(head) < 2:
-        return 0
-    if head[1] & 0x80:
         return None
+    if head[1] & 0x80:
+        return UNKNOWN_SIZE
     try:
         kind = _requests().lookupPduClass(head)
-        return None if kind is None else kind.calculateRtuFrameSize(head)
+        return UNKNOWN_SIZE if kind is None else kind.calculateRtuFrameSize(head) or None
     except IndexError:  # the sub-function is still on its way
-        return 0
-    except NotImplementedError:  # a function whose frames pymodbus cannot measure
         return None
+    except NotImplementedError:  # a function whose frames pymodbus cannot measure
+        return UNKNOWN_SIZE

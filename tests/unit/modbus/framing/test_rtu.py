@@ -125,8 +125,8 @@ def test_value_that_a_coil_or_a_register_cannot_hold_is_refused(make, value):
 
 def test_unfinished_and_unknown_requests_have_no_size():
     whole = rtu.seal(1, requests.write_registers(0, [1, 2]).pdu)
-    assert rtu.request_size(b"\x01") == 0
-    assert rtu.request_size(whole[:6]) == 0
+    assert rtu.request_size(b"\x01") is None
+    assert rtu.request_size(whole[:6]) is None
     assert rtu.request_size(whole[:7]) == len(whole)
-    assert rtu.request_size(b"\x01\x63\x00\x00") is None
-    assert rtu.request_size(b"\x01\x83\x02\x00") is None
+    assert rtu.request_size(b"\x01\x63\x00\x00") == rtu.UNKNOWN_SIZE
+    assert rtu.request_size(b"\x01\x83\x02\x00") == rtu.UNKNOWN_SIZE
