@@ -10,11 +10,10 @@ import typer
 from smadrive.cli.live.publishing import Publish, RunPublication, run_publication
 from smadrive.cli.parsing.options import RigFile, TraceFolder
 from smadrive.cli.terminal.output import AsJson, Output
-from smadrive.cli.views.announcement import announced, log_named_at_interruption
+from smadrive.cli.views.announcement import announced, log_named_at_interruption, metrics_after_trip
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
 from smadrive.display.number_text import count_text
-from smadrive.errors import TripError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
 from smadrive.identification.excitation import Excitation
@@ -39,24 +38,21 @@ def main(
     output = Output(as_json)
     check_output(log_file, LOG)
     config = load_rig(rig)
-    try:
-        with (
-            log_named_at_interruption(log_file, "the experiment"),
-            health_recorded(log_file, output.warn),
-            run_publication(publish, config, "excite", output) as publication,
-            Rig(config, trace_folder=trace) as open_rig,
-        ):
-            publication.begin(open_rig)
-            excitation = plan_excitation(open_rig)
-            metrics = _excite(log_file, open_rig, excitation, output, publication)
-    except TripError as trip:
-        try:
-            log = read_log(log_file)
-            planned, published = excitation_of(log), publication.result()
-            _print_metrics(log, tripped_loop_metrics(log), planned, output, published, tripped=str(trip))
-        finally:
-            raise trip  # also when the output cannot be written
-    _print_metrics(read_log(log_file), metrics, excitation, output, publication.result(), tripped=None)
+
+    def print_metrics(tripped: str | None = None) -> None:
+        _print_metrics(read_log(log_file), loop, output, publication.result(), tripped=tripped)
+
+    loop = None
+    with (
+        metrics_after_trip(print_metrics),
+        log_named_at_interruption(log_file, "the experiment"),
+        health_recorded(log_file, output.warn),
+        run_publication(publish, config, "excite", output) as publication,
+        Rig(config, trace_folder=trace) as open_rig,
+    ):
+        publication.begin(open_rig)
+        loop = _excite(log_file, open_rig, plan_excitation(open_rig), output, publication)
+    print_metrics()
 
 
 def _excite(
@@ -72,14 +68,10 @@ def _excite(
 
 
 def _print_metrics(
-    log: Log,
-    metrics: LoopMetrics,
-    excitation: Excitation,
-    output: Output,
-    published: dict[str, Any],
-    *,
-    tripped: str | None,
+    log: Log, loop: LoopMetrics | None, output: Output, published: dict[str, Any], *, tripped: str | None
 ) -> None:
+    """Print the metrics of the experiment up to its end or its trip. `loop` is None after a trip."""
+    metrics, excitation = loop or tripped_loop_metrics(log), excitation_of(log)
     samples, missed = count_text(metrics.ticks, "sample"), count_text(metrics.missed_deadlines, "missed deadline")
     ended = "the heater is off" if tripped is None else "then the run tripped"
     caveats = run_caveats(log)

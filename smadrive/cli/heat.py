@@ -11,12 +11,11 @@ import typer
 from smadrive.cli.live.publishing import Publish, run_publication
 from smadrive.cli.parsing.options import RigFile, TraceFolder
 from smadrive.cli.terminal.output import AsJson, Output
-from smadrive.cli.views.announcement import announced, log_named_at_interruption
+from smadrive.cli.views.announcement import announced, log_named_at_interruption, metrics_after_trip
 from smadrive.cli.views.run_view import shown
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.loop import LoopMetrics
 from smadrive.display.number_text import quantity
-from smadrive.errors import TripError
 from smadrive.files.atomic import check_output, unused_record
 from smadrive.files.kinds import LOG
 from smadrive.rig.config import load_rig
@@ -50,31 +49,35 @@ def main(
     check_output(log_file, LOG)
     closed_rig = Rig(load_rig(rig), trace_folder=trace)
     check_step(step, closed_rig.config, closed_rig.data_sheet)
-    try:
-        with (
-            log_named_at_interruption(log_file, "the step"),
-            run_publication(publish, closed_rig.config, "heat", output) as publication,
-            closed_rig as open_rig,
-        ):
-            output.warn(planned_step_caveats(open_rig, step))
-            publication.begin(open_rig)
-            watch = publication.watch(
-                shown(f"heating, {step}", open_rig.config.limits.current_max_a, quiet=output.quiet)
-            )
-            loop = heat(log_file, open_rig, step, announced(output, log_file, "the step", open_rig.clock, watch))
-    except TripError as trip:
-        try:
-            log = read_log(log_file)
-            _print_metrics(log, step, tripped_loop_metrics(log), output, publication.result(), tripped=str(trip))
-        finally:
-            raise trip  # also when the output cannot be written
-    _print_metrics(read_log(log_file), step, loop, output, publication.result(), tripped=None)
+
+    def print_metrics(tripped: str | None = None) -> None:
+        _print_metrics(read_log(log_file), step, loop, output, publication.result(), tripped=tripped)
+
+    loop = None
+    with (
+        metrics_after_trip(print_metrics),
+        log_named_at_interruption(log_file, "the step"),
+        run_publication(publish, closed_rig.config, "heat", output) as publication,
+        closed_rig as open_rig,
+    ):
+        output.warn(planned_step_caveats(open_rig, step))
+        publication.begin(open_rig)
+        watch = publication.watch(shown(f"heating, {step}", open_rig.config.limits.current_max_a, quiet=output.quiet))
+        loop = heat(log_file, open_rig, step, announced(output, log_file, "the step", open_rig.clock, watch))
+    print_metrics()
 
 
 def _print_metrics(
-    log: Log, step: ManualStep, loop: LoopMetrics, output: Output, published: dict[str, Any], *, tripped: str | None
+    log: Log,
+    step: ManualStep,
+    loop: LoopMetrics | None,
+    output: Output,
+    published: dict[str, Any],
+    *,
+    tripped: str | None,
 ) -> None:
-    """Print the metrics of the step up to its end or its trip."""
+    """Print the metrics of the step up to its end or its trip. `loop` is None after a trip."""
+    loop = loop or tripped_loop_metrics(log)
     metrics, caveats = step_metrics(log), step_caveats(log)
     output.table(("quantity", "value"), _rows(metrics))
     output.warn(caveats)

@@ -10,15 +10,15 @@ from typing import Annotated, Any, NamedTuple
 import typer
 
 from smadrive.cli.live.publishing import Publish, run_publication
-from smadrive.cli.parsing.options import RigFile, TraceFolder, model_file
+from smadrive.cli.parsing.options import ModelFile, RigFile, TraceFolder, model_file
 from smadrive.cli.terminal.output import AsJson, Output
-from smadrive.cli.views.announcement import announced, log_named_at_interruption
+from smadrive.cli.views.announcement import announced, log_named_at_interruption, metrics_after_trip
 from smadrive.cli.views.metrics_table import HEADER, table_row
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import SHAPES
-from smadrive.errors import ConfigError, TripError
+from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
 from smadrive.measurement import DisplacementFrom
@@ -29,17 +29,26 @@ from smadrive.runs.cycling.cycles import CYCLE_HEADER, Cycling, cycle_rows, cycl
 from smadrive.runs.experiments import read_reference, track
 from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.metrics.caveats import tracking_caveats
+from smadrive.runs.metrics.caveats import measured_caveats, sample_caveats, tracking_caveats
 from smadrive.runs.metrics.run import tracking_metrics, tripped_loop_metrics
-from smadrive.runs.tracking_plan import RETURN_S, check_reach, plan_tracking
+from smadrive.runs.tracking_plan import RETURN_S, PlannedTracking, check_reach, plan_tracking
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 
 MOST_CYCLES = 20
 """Largest number of cycles in the table on the terminal; the report and `--json` have more."""
 
 
-class _Given(NamedTuple):
-    """The experiment that the options describe."""
+class _Options(NamedTuple):
+    """The options that describe the experiment."""
+
+    reference: str | None
+    model: Path | None
+    repeat: int | None
+    displacement_from: DisplacementFrom | None
+
+
+class _Experiment(NamedTuple):
+    """The experiment that the options, or the log of a run to resume, describe."""
 
     reference: Reference
     wire: IdentifiedWire
@@ -48,34 +57,41 @@ class _Given(NamedTuple):
     displacement_from: DisplacementFrom | None = None
 
 
+ReferenceOption = Annotated[
+    str | None,
+    typer.Option(
+        help="CSV (time_s, displacement_mm), or SHAPE:key=value,… as in sine:low_mm=2,high_mm=9,period_s=56. "
+        f"Shapes: {', '.join(SHAPES)}; a shape without keys prints its keys.  [required without --resume]"
+    ),
+]
+
+Smooth = Annotated[
+    bool,
+    typer.Option(
+        "--smooth",
+        help="If the wire cannot follow the reference, track the nearest feasible reference; also with --resume.",
+    ),
+]
+
+Source = Annotated[
+    DisplacementFrom | None,
+    typer.Option(help="Source of the displacement, instead of that in the rig file or in the log of --resume."),
+]
+
+
 def main(
     rig: RigFile,
     log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
-    reference: Annotated[
-        str | None,
-        typer.Option(
-            help="CSV (time_s, displacement_mm), or SHAPE:key=value,… as in sine:low_mm=2,high_mm=9,period_s=56. "
-            f"Shapes: {', '.join(SHAPES)}; a shape without keys prints its keys.  [required without --resume]"
-        ),
-    ] = None,
-    model: Annotated[Path | None, typer.Option(help="Model file; by default the model of the rig file.")] = None,
-    smooth: Annotated[
-        bool,
-        typer.Option(
-            "--smooth",
-            help="If the wire cannot follow the reference, track the nearest feasible reference; also with --resume.",
-        ),
-    ] = False,
+    reference: ReferenceOption = None,
+    model: ModelFile = None,
+    smooth: Smooth = False,
     repeat: Annotated[
         int | None, typer.Option(min=1, help="Repeat the reference this number of times, and measure every cycle.")
     ] = None,
     resume: Annotated[
         Path | None, typer.Option(help="Log of a run with --repeat that ended early: run its remaining cycles.")
     ] = None,
-    displacement_from: Annotated[
-        DisplacementFrom | None,
-        typer.Option(help="Source of the displacement, instead of that in the rig file or in the log of --resume."),
-    ] = None,
+    displacement_from: Source = None,
     trace: TraceFolder = None,
     publish: Publish = None,
     as_json: AsJson = False,
@@ -86,86 +102,75 @@ def main(
     --resume takes reference, model, number of cycles and source of the displacement from a log, and does not change
     this log. The other options apply to the remaining cycles.
     """
-    output, warned = Output(as_json), tuple[str, ...]()
+    output = Output(as_json)
     check_output(log_file, LOG)
     config = load_rig(rig)
-    given = _resumed(resume, config, reference, model, repeat, displacement_from)
-    given = given or _given(config, reference, model, repeat, displacement_from)
-    if given.cycling is not None and given.cycling.continues:
-        output.say(_resumed_text(given.cycling, smooth=smooth))
-    rest = "" if given.cycling is None else _rest_text(rig, log_file)
-    try:
-        with (
-            log_named_at_interruption(log_file, "the run", rest),
-            health_recorded(log_file, output.warn),
-            run_publication(publish, config, "run", output) as publication,
-            Rig(config, trace_folder=trace) as open_rig,
-        ):
-            publication.begin(open_rig)
-            plan = plan_tracking(
-                open_rig,
-                given.reference,
-                given.wire,
-                smooth=smooth,
-                smooth_option="--smooth",
-                cycling=given.cycling,
-                displacement_from=given.displacement_from,
-            )
-            plan = replace(plan, caveats=(*given.caveats, *plan.caveats))
-            warned = plan.caveats
-            output.warn(warned)
-            watch = publication.watch(shown("tracking", config.limits.current_max_a, quiet=output.quiet))
-            loop = track(log_file, open_rig, plan, announced(output, log_file, "the run", open_rig.clock, watch))
-    except TripError as trip:
-        try:
-            _print_metrics(read_log(log_file), None, output, warned, publication.result(), tripped=str(trip))
-        finally:
-            raise trip  # also when the output cannot be written
-    _print_metrics(read_log(log_file), loop, output, warned, publication.result(), tripped=None)
+    options = _Options(reference, model, repeat, displacement_from)
+    experiment = _given(config, options) if resume is None else _resumed(resume, config, options)
+    if experiment.cycling is not None and experiment.cycling.continues:
+        output.say(_resumed_text(experiment.cycling, smooth=smooth))
+    rest = "" if experiment.cycling is None else _rest_text(rig, log_file)
+
+    def print_metrics(tripped: str | None = None) -> None:
+        _print_metrics(read_log(log_file), loop, output, publication.result(), tripped=tripped)
+
+    loop = None
+    with (
+        metrics_after_trip(print_metrics),
+        log_named_at_interruption(log_file, "the run", rest),
+        health_recorded(log_file, output.warn),
+        run_publication(publish, config, "run", output) as publication,
+        Rig(config, trace_folder=trace) as open_rig,
+    ):
+        publication.begin(open_rig)
+        plan = _planned(open_rig, experiment, smooth=smooth)
+        output.warn(plan.caveats)
+        watch = publication.watch(shown("tracking", config.limits.current_max_a, quiet=output.quiet))
+        loop = track(log_file, open_rig, plan, announced(output, log_file, "the run", open_rig.clock, watch))
+    print_metrics()
 
 
-def _given(
-    config: RigConfig,
-    reference: str | None,
-    model: Path | None,
-    repeat: int | None,
-    displacement_from: DisplacementFrom | None,
-) -> _Given:
-    """Return the experiment that reference, model and number of cycles describe. ConfigError without a reference."""
-    if reference is None:
+def _given(config: RigConfig, options: _Options) -> _Experiment:
+    """Return the experiment that the options describe. ConfigError without a reference."""
+    if options.reference is None:
         cure = "give a CSV or a shape, or the log of a run to --resume"
         raise ConfigError("is missing", where="--reference", cure=cure)
-    identified = load_wire(model_file(config, model))
-    given = read_reference(reference)
+    identified = load_wire(model_file(config, options.model))
+    given = read_reference(options.reference)
     check_reach(given, identified)
-    if repeat is None:
-        return _Given(given, identified, None, displacement_from=displacement_from)
-    repeated = given.repeated(repeat, RETURN_S)
+    if options.repeat is None:
+        return _Experiment(given, identified, None, displacement_from=options.displacement_from)
+    repeated = given.repeated(options.repeat, RETURN_S)
     back_s = repeated.cycle_s - given.cycle_s
     caveats = (f"the reference does not end where it begins: every cycle has a way back of {back_s:g} s",)
-    return _Given(given, identified, Cycling(repeat), caveats if back_s else (), displacement_from)
+    return _Experiment(given, identified, Cycling(options.repeat), caveats if back_s else (), options.displacement_from)
 
 
-def _resumed(
-    resume: Path | None,
-    config: RigConfig,
-    reference: str | None,
-    model: Path | None,
-    repeat: int | None,
-    displacement_from: DisplacementFrom | None,
-) -> _Given | None:
-    """Return the experiment that completes the run in the log `resume`, or None if `resume` is None.
+def _resumed(resume: Path, config: RigConfig, options: _Options) -> _Experiment:
+    """Return the experiment that completes the run in the log `resume`.
 
     ConfigError for an option that the log already determines.
     """
-    if resume is None:
-        return None
-    options = {"--reference": reference, "--model": model, "--repeat": repeat}
-    for option, value in options.items():
+    determined = {"--reference": options.reference, "--model": options.model, "--repeat": options.repeat}
+    for option, value in determined.items():
         if value is not None:
             what, cure = "does not go with --resume, which continues what its log holds", "leave the option out"
             raise ConfigError(what, where=option, value=value, cure=cure)
-    return _Given(*continuation_of(resume, config, displacement_from))
+    return _Experiment(*continuation_of(resume, config, options.displacement_from))
+
+
+def _planned(rig: Rig, experiment: _Experiment, *, smooth: bool) -> PlannedTracking:
+    """Return the plan of the run, simulated on the model. Its caveats include those of the experiment."""
+    plan = plan_tracking(
+        rig,
+        experiment.reference,
+        experiment.wire,
+        smooth=smooth,
+        smooth_option="--smooth",
+        cycling=experiment.cycling,
+        displacement_from=experiment.displacement_from,
+    )
+    return replace(plan, caveats=(*experiment.caveats, *plan.caveats))
 
 
 def _resumed_text(cycling: Cycling, *, smooth: bool) -> str:
@@ -182,31 +187,22 @@ def _rest_text(rig: str, log_file: Path) -> str:
 
 
 def _print_metrics(
-    log: Log,
-    loop: LoopMetrics | None,
-    output: Output,
-    warned: tuple[str, ...],
-    published: dict[str, Any],
-    *,
-    tripped: str | None,
+    log: Log, loop: LoopMetrics | None, output: Output, published: dict[str, Any], *, tripped: str | None
 ) -> None:
     """Print the metrics of the run up to its end or its trip. `loop` is None after a trip.
 
-    The caveats in `warned` were printed before the run. They are not printed again, but the JSON object holds them.
+    The caveats of the plan were printed before the run. They are not printed again, but the JSON object holds them.
     """
-    metrics = tracking_metrics(log, loop or tripped_loop_metrics(log))
-    caveats = tracking_caveats(log)
+    metrics, cycles, cycling = tracking_metrics(log, loop or tripped_loop_metrics(log)), cycles_of(log), cycling_of(log)
     output.table(HEADER, [table_row("tracking", metrics)])
-    cycles = cycles_of(log)
     if cycles:
         output.table(CYCLE_HEADER, cycle_rows(thinned(cycles, MOST_CYCLES)))
-    output.warn(caveat for caveat in caveats if caveat not in warned)
-    cycling = cycling_of(log)
-    done = (
-        ""
-        if cycling is None
-        else f"   {len(cycles)} of {cycling.total} {'cycle is' if cycling.total == 1 else 'cycles are'} done"
-    )
-    output.say(f"log: {log.path}{done}")
+    output.warn((*sample_caveats(log), *measured_caveats(log)))
+    output.say(f"log: {log.path}{'' if cycling is None else _done_text(len(cycles), cycling.total)}")
     of_cycles = {} if cycling is None else {"cycles": [asdict(one) for one in cycles], "cycles_planned": cycling.total}
+    caveats = tracking_caveats(log)
     output.result({**asdict(metrics), "caveats": caveats, "tripped": tripped, **of_cycles, **published})
+
+
+def _done_text(done: int, planned: int) -> str:
+    return f"   {done} of {planned} {'cycle is' if planned == 1 else 'cycles are'} done"

@@ -16,7 +16,7 @@ import typer
 
 from smadrive.cli.live.page import check_real_time, opened
 from smadrive.cli.live.publishing import OFF_BY_MQTT, Publish, open_publication
-from smadrive.cli.parsing.options import PAGE_PORT, RigFile, model_file
+from smadrive.cli.parsing.options import PAGE_PORT, ModelFile, RigFile, model_file
 from smadrive.cli.terminal.output import AsJson, Output, make_folder
 from smadrive.cli.views.tune_view import TuneView, watched
 from smadrive.control.references.limits import check_rig_limits
@@ -52,7 +52,7 @@ def main(
             help="Reference for the page: CSV (time_s, displacement_mm) or sine:low_mm=…. May be given several times."
         ),
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="Model file; by default the model of the rig file.")] = None,
+    model: ModelFile = None,
     folder: Annotated[
         Path, typer.Option("--output-dir", "-o", help="Folder for the log, and for saved models and rigs.")
     ] = Path(),

@@ -17,6 +17,8 @@ PAGE_PORT = 5006
 
 RigFile = Annotated[str, typer.Argument(help="Rig file, or the name of a shipped rig.")]
 
+ModelFile = Annotated[Path | None, typer.Option(help="Model file; by default the model of the rig file.")]
+
 TraceFolder = Annotated[
     Path | None,
     typer.Option(

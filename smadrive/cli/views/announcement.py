@@ -1,8 +1,8 @@
-"""The line that says how long a run takes, before anything is heated."""
+"""What a command prints around a run: how long it takes, which log it writes, its metrics also after a trip."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from math import isfinite
 from pathlib import Path
@@ -11,7 +11,7 @@ from smadrive.cli.terminal.output import Output
 from smadrive.clock import Clock, VirtualClock
 from smadrive.control.loop import TickHandler
 from smadrive.display.number_text import count_text
-from smadrive.errors import StoppedError
+from smadrive.errors import StoppedError, TripError
 from smadrive.identification.excitation import Excitation
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
@@ -61,6 +61,18 @@ def log_named_at_interruption(log_file: Path, what: str, rest: str = "") -> Iter
         if log_file.exists():
             interruption.add_note(f"{log_file} holds {what} up to here{rest}")
         raise
+
+
+@contextmanager
+def metrics_after_trip(print_metrics: Callable[[str], None]) -> Iterator[None]:
+    """If the `with` block trips, call `print_metrics` with the text of the trip. Raise the trip, even if that fails."""
+    try:
+        yield
+    except TripError as trip:
+        try:
+            print_metrics(str(trip))
+        finally:
+            raise trip  # also when the output cannot be written
 
 
 def duration_text(duration_s: float) -> str:

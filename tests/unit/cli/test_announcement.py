@@ -20,7 +20,7 @@ def test_duration_has_the_digits_that_matter(duration_s, text):
     [
         (243.0, MonotonicClock(), "l.h5: the run takes 4 min 3 s"),
         (243.0, VirtualClock(), "l.h5: the run takes 4 min 3 s of virtual time"),
-        (float("inf"), MonotonicClock(), "l.h5: the run continues until Ctrl-C"),
+        (float("inf"), MonotonicClock(), "l.h5: the run continues until q or Ctrl-C"),
     ],
 )
 def test_length_of_a_run_is_announced(capsys, duration_s, clock, line):
