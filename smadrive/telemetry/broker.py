@@ -23,9 +23,6 @@ KEEPALIVE_S = 5
 RETRY_S = (1, 5)
 """Shortest and longest pause between two attempts to connect."""
 
-IN_FLIGHT = 100
-"""Largest number of messages that are sent before the first of them is confirmed. Further messages wait in a queue."""
-
 MOST_NUMBERS = 65535
 """The largest number of a message in MQTT. The next message has the number 1."""
 
@@ -73,7 +70,7 @@ class Broker:
         self._client = Client(CallbackAPIVersion.VERSION2, client_id=client_id)
         self._client.will_set(*will, qos=QOS, retain=True)
         self._client.reconnect_delay_set(*RETRY_S)
-        self._client.max_inflight_messages_set(IN_FLIGHT)
+        self._client.max_inflight_messages_set(0)  # no limit: every message is sent at once, in its order
         if address.user is not None:
             self._client.username_pw_set(address.user, address.password)
         if address.tls:
@@ -103,7 +100,7 @@ class Broker:
         return self._refused if self.is_connected else self._lost
 
     def publish(self, topic: str, payload: str, *, retain: bool = False) -> Delivery:
-        """Queue a message, without waiting."""
+        """Send a message, without waiting. Without a connection it is sent after the next one is made."""
         number = self._client.publish(topic, payload, QOS, retain).mid
         self._forget_until(number)
         return Delivery(number, self._confirmed)
@@ -120,7 +117,10 @@ class Broker:
             self._confirmed.discard((self._latest + MOST_NUMBERS // 2) % MOST_NUMBERS + 1)
 
     def close(self) -> None:
-        """Disconnect, and wait for the end of paho's thread. After a disconnection the broker publishes no will."""
+        """Disconnect, and wait for the end of paho's thread. After a disconnection the broker publishes no will.
+
+        A process that ends without this call loses its connection, so the broker publishes the will.
+        """
         self._client.disconnect()
         self._client.loop_stop()
 

@@ -1,6 +1,6 @@
 """The publisher process: it moves rows and status from shared memory to the broker until the driver ends.
 
-Then it sends the remaining messages, for at most `DRAIN_S`.
+Then it sends the remaining samples, for at most `SAMPLES_S`, and the end. All that takes at most `DRAIN_S`.
 """
 
 from __future__ import annotations
@@ -23,10 +23,16 @@ BUSY_S = 0.01
 """Period of `Publisher.step` while the publisher is behind (see `Publisher.is_behind`), and at the end."""
 
 DRAIN_S = 2.0
+SAMPLES_S = 1.5
+"""Part of `DRAIN_S` for the remaining samples. The rest is left for the confirmation of the end."""
 
 
 def serve(parameters: dict[str, Any]) -> None:
-    """Publish until standard input ends, then publish the end."""
+    """Publish until standard input ends, then publish the end.
+
+    The connection is closed properly only if the broker has confirmed the end. Otherwise the retained messages at the
+    broker may be old, such as `online`: the end of this process then makes the broker publish the last will, GONE.
+    """
     counters = PublisherCounters(parameters["counters_fd"])
     prefix, rig = parameters["prefix"], parameters["rig"]
 
@@ -45,14 +51,19 @@ def serve(parameters: dict[str, Any]) -> None:
     report_ready()
     while not is_input_closed(BUSY_S if publisher.is_behind else LOOK_S):
         publisher.step()
-    give_up_s = time.monotonic() + DRAIN_S
-    while not publisher.is_done and time.monotonic() < give_up_s:
+    if _finish(publisher):
+        broker.close()
+
+
+def _finish(publisher: Publisher) -> bool:
+    """Publish the remaining samples and the end. Return True if the broker has confirmed the end."""
+    began_s = time.monotonic()
+    while not publisher.is_done and time.monotonic() < began_s + SAMPLES_S:
         publisher.step()
         time.sleep(BUSY_S)
-    last = publisher.finish()
-    while last is not None and not last.is_published() and time.monotonic() < give_up_s:
+    while not (is_confirmed := publisher.finish()) and time.monotonic() < began_s + DRAIN_S:
         time.sleep(BUSY_S)
-    broker.close()
+    return is_confirmed
 
 
 if __name__ == "__main__":

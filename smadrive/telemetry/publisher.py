@@ -2,9 +2,10 @@
 
 The ring of rows is the queue. If the broker is away for too long, the loop overwrites the oldest rows before they are
 sent. These rows are counted as dropped. At most `IN_FLIGHT` samples are in flight: handed to the connection, but not
-confirmed yet. So the memory of the process does not grow. A retained message is sent when it changes. Without a
-status nothing is sent: the command has no open rig yet, and another program may publish the same rig. After a
-reconnection all retained messages are sent again, because a restarted broker may have forgotten them.
+confirmed yet. So the memory of the process does not grow. A retained message is sent when it changes. It never waits
+for the confirmation of samples: the end of a run and its faults have precedence over samples. Without a status nothing
+is sent: the command has no open rig yet, and another program may publish the same rig. After a reconnection all
+retained messages are sent again, because a restarted broker may have forgotten them.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections import deque
 from typing import Any
 
 from smadrive.stream.shared_memory import SharedReader
-from smadrive.telemetry.broker import IN_FLIGHT, Broker, Delivery
+from smadrive.telemetry.broker import Broker, Delivery
 from smadrive.telemetry.counters import PublisherCounters
 from smadrive.telemetry.schema import (
     ENDED,
@@ -28,6 +29,9 @@ from smadrive.telemetry.schema import (
     state_message,
     topic_of,
 )
+
+IN_FLIGHT = 100
+"""Largest number of samples that are sent before the first of them is confirmed."""
 
 COUNTS_S = 5.0
 """Shortest time between two messages at the topic `publisher`, s."""
@@ -56,17 +60,16 @@ class Publisher:
         self._version = -1
         self._status: dict[str, Any] = {}
         self._sent: dict[str, str] = {}
+        self._end: Delivery | None = None
         self._connections = 0
         self._connections_before = counters["connections"]
         self._counts_due_s = 0.0
 
     def step(self) -> None:
         """Publish what is new, as far as the connection permits."""
-        self._read_status()
-        self._confirm()
-        is_new = self._note_connection()
-        if self._status and self._broker.is_connected and not is_new:
+        if self._may_publish():
             self._publish_retained()
+            self._publish_change("driver", ONLINE)
             self._publish_samples()
 
     @property
@@ -79,16 +82,26 @@ class Publisher:
         """True if the broker is connected, and more samples wait than may be in flight."""
         return self._broker.is_connected and self._reader.written - self._next > IN_FLIGHT
 
-    def finish(self) -> Delivery | None:
-        """Publish the end: ENDED if the driver has ended its command, otherwise GONE.
+    def finish(self) -> bool:
+        """Publish the end without waiting, but no more samples. Return True if the broker has confirmed the end.
 
-        Return None if there was no status, so that nothing was published.
+        The end is ENDED if the driver has ended its command, otherwise GONE. Call `finish` until it returns True: while
+        the broker is not connected, and after a reconnection, there is still something to publish. If there was no
+        status, nothing was published, so there is no end to confirm and the result is True.
         """
-        self._counts_due_s = 0.0
-        self.step()
-        if not self._status:
-            return None
-        return self._publish("driver", GONE if self._status.get("end") is None else ENDED, retain=True)
+        if self._may_publish():
+            if self._end is None:
+                self._counts_due_s = 0.0
+            self._publish_retained()
+            self._publish_end()
+        return not self._status or (self._end is not None and self._end.is_published())
+
+    def _may_publish(self) -> bool:
+        """Read what is new. Return True if there is a status, and a connection that was not made just now."""
+        self._read_status()
+        self._confirm()
+        is_new = self._note_connection()
+        return bool(self._status) and self._broker.is_connected and not is_new
 
     def _read_status(self) -> None:
         status = self._reader.status(self._version)
@@ -119,7 +132,6 @@ class Publisher:
             self._counters["confirmed_to"] = number + 1
 
     def _publish_retained(self) -> None:
-        self._publish_change("driver", ONLINE)
         self._publish_change("schema", json.dumps(schema_document()))
         self._publish_change("state", json.dumps(state_message(self._status, self._command)))
         self._publish_change("faults", json.dumps(faults_message(self._status)))
@@ -127,10 +139,17 @@ class Publisher:
             self._counts_due_s = time.monotonic() + COUNTS_S
             self._publish_change("publisher", json.dumps(self._counts()))
 
-    def _publish_change(self, message: str, payload: str) -> None:
-        if self._sent.get(message) != payload:
-            self._sent[message] = payload
-            self._publish(message, payload, retain=True)
+    def _publish_end(self) -> None:
+        """Publish the end after the other retained messages: its confirmation confirms them, too."""
+        end = self._publish_change("driver", GONE if self._status.get("end") is None else ENDED)
+        self._end = end or self._end
+
+    def _publish_change(self, message: str, payload: str) -> Delivery | None:
+        """Publish a retained message if it differs from the one that was sent. Return None if it does not."""
+        if self._sent.get(message) == payload:
+            return None
+        self._sent[message] = payload
+        return self._publish(message, payload, retain=True)
 
     def _publish_samples(self) -> None:
         """Hand new rows to the connection, each with the number of rows that were overwritten before it."""

@@ -5,27 +5,18 @@ import os
 import signal
 import subprocess
 import threading
-from types import SimpleNamespace
 
 import pytest
 from peers import mosquitto
 from peers.mosquitto import MosquittoBroker, Subscriber, wait_for
 
-from smadrive.control.controllers.interface import Command
-from smadrive.control.loop import Tick
 from smadrive.errors import TripError
-from smadrive.measurement import Measurement
-from smadrive.rig.config import load_rig
-from smadrive.rig.rig import Rig
 from smadrive.safety.faults import Fault, Trip
-from smadrive.stream.published_state import PublishedMode
-from smadrive.stream.shared_memory import CAPACITY, SharedWriter
-from smadrive.telemetry.address import parse_address
-from smadrive.telemetry.feed import RunFeed
-from smadrive.telemetry.publication import Publication
+from smadrive.stream.shared_memory import CAPACITY
+
+from .conftest import CONFIG, Published
 
 pytestmark = pytest.mark.skipif(mosquitto.missing() is not None, reason=str(mosquitto.missing()))
-CONFIG = load_rig("in-process")
 TOPIC = "smadrive/simulated-bench-in-process"
 
 
@@ -35,48 +26,13 @@ def broker(tmp_path):
         yield running
 
 
-class Published:
-    """A feed that is published to a broker, and the ticks that it gets."""
-
-    def __init__(self, broker, config=CONFIG):
-        self.writer = SharedWriter()
-        self.publication = Publication(parse_address(broker.url, {}), config, "run", self.writer)
-        self.feed = RunFeed(self.writer, config, PublishedMode.TRACKING)
-        self.count = 0
-        self.config = config
-
-    def __enter__(self):
-        self.writer.__enter__()
-        self.publication.__enter__()
-        self.feed.__enter__()
-        return self
-
-    def begin(self):
-        with Rig(self.config) as rig:
-            self.feed.begin(rig)
-        return self
-
-    def __exit__(self, *error):
-        self.feed.__exit__(*error)
-        self.publication.__exit__(*error)
-        self.counts = self.publication.counts
-        self.writer.__exit__(*error)
-
-    def tick(self, ticks=1, **measured):
-        for _ in range(ticks):
-            time_s = 0.05 * self.count
-            values = {"temperature_c": 20.0 + self.count, "current_a": 0.1, "voltage_v": 1.6, **measured}
-            self.feed.tick(Tick(time_s, 0.0, Measurement(time_s, **values), Command(0.1)))
-            self.count += 1
-
-
 def numbers(subscriber):
     return [json.loads(text)["number"] for text in subscriber.texts("sample")]
 
 
 def test_every_sample_arrives_and_the_last_state_is_retained(broker):
     with Subscriber(broker) as subscriber:
-        published = Published(broker)
+        published = Published(broker.url)
         with pytest.raises(TripError):
             tripped(published)
     assert numbers(subscriber) == list(range(151))
@@ -96,9 +52,9 @@ def test_every_sample_arrives_and_the_last_state_is_retained(broker):
 def test_command_whose_rig_does_not_open_publishes_nothing(broker):
     """Another program may drive the rig, and publish to the same topics."""
     with Subscriber(broker) as subscriber:
-        with Published(broker) as refused:
+        with Published(broker.url) as refused:
             assert refused.publication.wait_for_broker()
-        with Published(broker) as published:
+        with Published(broker.url) as published:
             published.begin().tick(1)
         wait_for(lambda: subscriber.texts("driver")[-1:] == ["ended"])
     assert subscriber.texts("driver") == ["online", "ended"]
@@ -116,7 +72,7 @@ def tripped(published):
 @pytest.mark.parametrize("end", [MosquittoBroker.stop, MosquittoBroker.hang], ids=["stopped", "hung"])
 @pytest.mark.exhaustive
 def test_samples_wait_for_a_broker_that_is_away(broker, end):
-    with Published(broker) as published:
+    with Published(broker.url) as published:
         published.begin().tick(20)
         wait_for(lambda: published.publication.counts.waiting == 0)
         end(broker)
@@ -136,7 +92,7 @@ def test_samples_wait_for_a_broker_that_is_away(broker, end):
 
 @pytest.mark.exhaustive
 def test_killed_publisher_is_restarted_and_continues(broker):
-    with Subscriber(broker) as subscriber, Published(broker) as published:
+    with Subscriber(broker) as subscriber, Published(broker.url) as published:
         published.begin().tick(20)
         wait_for(lambda: published.publication.counts.waiting == 0)
         os.kill(published.publication.pid, signal.SIGKILL)
@@ -149,7 +105,7 @@ def test_killed_publisher_is_restarted_and_continues(broker):
 @pytest.mark.exhaustive
 def test_overwritten_samples_are_counted(tmp_path):
     broker = MosquittoBroker(tmp_path)
-    with Published(broker) as published:
+    with Published(broker.url) as published:
         published.begin().tick(CAPACITY + 100)
         with broker, Subscriber(broker) as subscriber:
             wait_for(lambda: published.publication.counts.waiting == 0)
@@ -165,7 +121,7 @@ def test_off_acts_only_where_the_rig_file_permits_it(broker, is_permitted):
     stopped = threading.Event()
     with Subscriber(broker) as subscriber:
         subscriber.publish(f"{TOPIC}/off", "old", retain=True)
-        with Published(broker, config) as published:
+        with Published(broker.url, config) as published:
             published.publication.on_off = stopped.set
             published.begin().tick(5)
             wait_for(lambda: len(numbers(subscriber)) == 5)
@@ -203,7 +159,7 @@ def test_password_and_tls(tmp_path):
 
 def counts_at(url):
     """The counts after five samples were published to the broker at `url`."""
-    with Published(SimpleNamespace(url=url)) as published:
+    with Published(url) as published:
         published.publication.wait_for_broker()
         published.begin().tick(5)
     assert bool(published.counts.trouble) == (published.counts.samples == 0)
