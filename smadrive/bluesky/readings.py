@@ -28,11 +28,15 @@ OF_THE_COMMAND = ("setpoint_mm", "estimated_mm")
 
 
 class WireSample(NamedTuple):
-    """A tick and its time since 1970-01-01 UTC, in s. `is_driven` is False if no servo ran."""
+    """A tick and its time since 1970-01-01 UTC, in s. `is_driven` is False if no servo ran.
+
+    `latched` is the latched trip of the rig; None without one.
+    """
 
     tick: Tick
     unix_s: float
     is_driven: bool = True
+    latched: str | None = None
 
 
 class Alarm(NamedTuple):
@@ -74,7 +78,7 @@ class Readings:
 
     def read(self, sample: WireSample) -> dict[str, dict[str, Any]]:
         """Return the readings, each with its time and its alarm."""
-        alarm = alarm_of(sample.tick)
+        alarm = alarm_of(sample)
         time_and_alarm = {"timestamp": sample.unix_s, "alarm_severity": alarm.severity, "message": alarm.text}
         return {key: {"value": value, **time_and_alarm} for key, value in self.values(sample).items()}
 
@@ -94,17 +98,20 @@ class Readings:
         return {"time": sample.unix_s, "data": values, "timestamps": dict.fromkeys(values, sample.unix_s)}
 
 
-def alarm_of(tick: Tick) -> Alarm:
+def alarm_of(sample: WireSample) -> Alarm:
     """Return the alarm of a measurement.
 
-    invalid   the temperature is invalid
-    major     the device has latched a fault, or the displacement sensor is replaced
+    invalid   the temperature, or the current and the voltage, are invalid
+    major     a trip is latched, the device has latched a fault, or the displacement sensor is replaced
     minor     a limit holds the output back
     none      otherwise
     """
-    measurement = tick.measurement
-    if measurement.temperature_fault is not None:
-        return Alarm(3, measurement.temperature_fault)
+    tick, measurement = sample.tick, sample.tick.measurement
+    invalid = measurement.temperature_fault or measurement.supply_fault
+    if invalid is not None:
+        return Alarm(3, invalid)
+    if sample.latched is not None:
+        return Alarm(2, f"latched: {sample.latched}")
     if measurement.device_faults:
         return Alarm(2, ", ".join(measurement.device_faults))
     if tick.command.sensor_replaced:

@@ -240,7 +240,8 @@ class SmaWire:
         return self._idle
 
     def _measured(self) -> WireSample:
-        return WireSample(Tick(0.0, 0.0, self._rig.measure(), Command(0.0)), time.time(), is_driven=False)
+        tick = Tick(0.0, 0.0, self._rig.measure(), Command(0.0))
+        return WireSample(tick, time.time(), is_driven=False, latched=self._rig.latched_trip())
 
     def __repr__(self) -> str:
         return f"SmaWire({self.name}, {self._rig.config.name})"

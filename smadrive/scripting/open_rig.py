@@ -32,6 +32,7 @@ from smadrive.scripting.loop.messages import (
     DriveRequest,
     ExciteRequest,
     HeatRequest,
+    LatchRequest,
     MeasureRequest,
     SwitchOffRequest,
     TrackRequest,
@@ -147,6 +148,11 @@ class OpenRig(RigConnection):
     def off(self) -> None:
         """Switch the heater off and confirm it by read-back; raises an error if the heater is not confirmed off."""
         self._call(SwitchOffRequest())
+
+    def latched_trip(self) -> str | None:
+        """Return the trip that keeps the rig from heating, with its cause and remedy; None without one."""
+        latched: str | None = self._call(LatchRequest())
+        return latched
 
     def clear_faults(self) -> Measurement:
         """Clear the latched faults and the trip latch, and return a measurement. SafetyError if a fault persists."""

@@ -35,6 +35,7 @@ def common_status(
         "limited_by": [] if measurement is None else list(measurement.limits),
         "device_faults": [] if measurement is None else list(measurement.device_faults),
         "temperature_fault": None if measurement is None else measurement.temperature_fault,
+        "supply_fault": None if measurement is None else measurement.supply_fault,
     }
 
 

@@ -24,10 +24,10 @@ class RunFeed(TickFeed):
     """
 
     def __init__(self, writer: SharedWriter, config: RigConfig, mode: PublishedMode) -> None:
-        nothing = dict.fromkeys(("began_unix_s", "end", "fault", "fault_type"))
+        nothing = dict.fromkeys(("began_unix_s", "end", "fault", "fault_type", "latched"))
         super().__init__(writer, config, {}, mode=PublishedMode.OFF, **nothing)
         self._running_mode = mode
-        self._has_begun = False
+        self._rig: Rig | None = None
 
     def __enter__(self) -> Self:
         """Return this feed. Nothing is published before `begin`: until then another program may drive the rig."""
@@ -36,11 +36,11 @@ class RunFeed(TickFeed):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Publish the end, and the SmadriveError that has ended the run, if any. Without `begin`, publish nothing.
+        """Publish the end, the SmadriveError that has ended the run, if any, and the latched trip.
 
-        A SmadriveError that `off` has overtaken is the cause of a StoppedError.
+        Without `begin`, publish nothing. A SmadriveError that `off` has overtaken is the cause of a StoppedError.
         """
-        if not self._has_begun:
+        if self._rig is None:
             return
         outcome = None if error is None else shutdown_of(error)
         confirmed = outcome is None or outcome.confirmed
@@ -51,13 +51,14 @@ class RunFeed(TickFeed):
             end=PublishedEnd.switched_off(confirmed=confirmed),
             fault=None if fault is None else str(fault),
             fault_type=None if fault is None else type(fault).__name__,
+            latched=self._rig.latch.read(),
             limited_by=[],  # there is no output any more that a limit could hold back
         )
 
     def begin(self, rig: Rig) -> None:
-        """Publish the first status, with the devices of the rig that was opened."""
-        self._has_begun, self._identities = True, rig.identities
-        self._publish()
+        """Publish the first status, with the devices and the latched trip of the rig that was opened."""
+        self._rig, self._identities = rig, rig.identities
+        self._publish(latched=rig.latch.read())
 
     def tick(self, tick: Tick) -> None:
         """Write a tick. At the first tick, publish `mode`, and the Unix time at which `time_s` is 0."""

@@ -67,6 +67,8 @@ FAULTS = {
     "fault_type": MessageField("", "class of this fault, such as TripError"),
     "device_faults": MessageField("", "latched faults of the device"),
     "temperature_fault": MessageField("", "reason for an invalid temperature, such as an open thermocouple"),
+    "supply_fault": MessageField("", "reason for an invalid current or voltage"),
+    "latched": MessageField("", "latched trip, also of an earlier run, which keeps the rig from heating"),
 }
 PUBLISHER = {
     "schema": MessageField("1", "version of the schema"),

@@ -32,6 +32,7 @@ from smadrive.scripting.loop.messages import (
     DriveRequest,
     ExciteRequest,
     HeatRequest,
+    LatchRequest,
     MeasureRequest,
     OpenedRig,
     OpenRequest,
@@ -126,6 +127,8 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
                 return rig.cool_down(duration_s)
         case SwitchOffRequest():
             return rig.enter_safe_state()
+        case LatchRequest():
+            return rig.latch.read()
         case ClearFaultsRequest():
             return rig.clear_faults()
 

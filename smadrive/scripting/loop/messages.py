@@ -109,6 +109,11 @@ class SwitchOffRequest:
 
 
 @dataclass(frozen=True)
+class LatchRequest:
+    """Read the trip latch."""
+
+
+@dataclass(frozen=True)
 class ClearFaultsRequest:
     """Clear the latched faults of the devices and the trip latch."""
 
@@ -127,6 +132,7 @@ AnyScriptRequest = (
     | ServoRequest
     | CoolDownRequest
     | SwitchOffRequest
+    | LatchRequest
     | ClearFaultsRequest
 )
 """The requests to an open rig."""

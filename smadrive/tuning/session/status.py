@@ -43,6 +43,7 @@ class Status:
     """Collects events, the fault that is not cleared yet, a lost connection and the last measurement.
 
     fault           text of the fault that ended the last run of the loop; None without one, or if it was cleared
+    latched         latched trip, also of an earlier session; None without one
     lost            error of a device that does not answer; None if all answer
     wire_warning    says how far the wire has drifted; None for a wire without drift
     is_safe         False after an attempt to switch the heater off has failed, until an attempt succeeds
@@ -54,6 +55,8 @@ class Status:
         self.fault: str | None = None
         self.fault_type: str | None = None
         self.fault_s: float | None = None
+        self._latch = rig.latch
+        self.latched = rig.latch.read()
         self.lost: str | None = None
         self.wire_warning: str | None = None
         self.is_safe = True
@@ -73,12 +76,13 @@ class Status:
         self.events.append((round(time_s, 2), event))
 
     def clear_fault(self) -> None:
-        """Remove the fault, its type and its time."""
+        """Remove the fault, its type and its time, and read the trip latch again."""
         self.fault = self.fault_type = self.fault_s = None
+        self.latched = self._latch.read()
 
     def fail(self, time_s: float, error: BaseException) -> None:
         """Store `error` with its notes as the fault. `is_safe` becomes True, or False if the shutdown failed."""
-        outcome = shutdown_of(error)
+        outcome, self.latched = shutdown_of(error), self._latch.read()
         self.is_safe = outcome is None or outcome.confirmed
         text = error.what if isinstance(error, TripError) else str(error)  # the page has a button that clears the trip
         self.fault = " — ".join([text, *getattr(error, "__notes__", ())])
@@ -106,6 +110,7 @@ class Status:
             "fault": self.fault,
             "fault_type": self.fault_type,
             "fault_s": self.fault_s,
+            "latched": self.latched,
             "lost": self.lost,
             "wire_warning": self.wire_warning,
             "tuning": self._tuning(tunings.in_force),

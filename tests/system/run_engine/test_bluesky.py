@@ -18,6 +18,7 @@ from smadrive.rig.config import load_rig
 
 from .conftest import SINE, is_off
 
+MAJOR = 2
 PROTOCOLS = (
     *("Readable", "Movable", "NamedMovable", "Locatable", "Triggerable", "Stoppable", "Configurable", "Stageable"),
     *("Flyable", "EventCollectable", "Checkable", "HasHints", "HasName", "HasParent", "Pausable", "Preparable"),
@@ -127,6 +128,12 @@ def test_readback_after_a_move_is_a_new_measurement(rig, wire):
     wire.unstage()
 
 
+def severity_of(wire):
+    """The severity of the alarm of a fresh reading."""
+    wire.trigger().wait()
+    return wire.read()["wire_current_a"]["alarm_severity"]
+
+
 def test_trip_is_a_failed_status(engine, documents, identified):
     config = load_rig("in-process")
     limits = config.limits.model_copy(update={"tracking_max_mm": 0.5, "tracking_for_s": 0.2})
@@ -139,7 +146,9 @@ def test_trip_is_a_failed_status(engine, documents, identified):
         assert is_off(rig, wire)
         assert isinstance(wire.set(4.0).exception(None), SafetyError)
         wire.stop()
+        assert severity_of(wire) == MAJOR
         rig.clear_faults()
+        assert severity_of(wire) == 0
 
 
 def test_configuration_changes(wire):

@@ -57,7 +57,7 @@ def test_its_readings_are_neither_published_nor_read():
     readings = Readings("wire", "rig", ("temperature", "displacement"))
     assert readings.values(WireSample(VALID, 0.0))["wire_displacement_mm"] == 4.0
     assert isnan(readings.values(WireSample(REPLACED, 0.0))["wire_displacement_mm"])
-    assert [alarm_of(tick).severity for tick in (VALID, REPLACED)] == [0, 2]
+    assert [alarm_of(WireSample(tick, 0.0)).severity for tick in (VALID, REPLACED)] == [0, 2]
 
 
 @pytest.mark.parametrize(("setpoint_mm", "tick"), [(4.0, VALID), (8.0, REPLACED)])

@@ -62,17 +62,35 @@ def test_status_of_a_run_has_every_field():
         assert set(state_message(writer.published, "run")) == set(STATE)
         assert set(faults_message(writer.published)) == set(FAULTS)
         assert faults_message(writer.published)["any"] is False
-        assert faults_message({**writer.published, "device_faults": ["x"]})["any"] is True
+        for fault in ({"device_faults": ["x"]}, {"supply_fault": "asleep"}, {"latched": "too hot"}):
+            assert faults_message({**writer.published, **fault})["any"] is True
 
 
-def faults_after(error):
-    """The published faults of a run that `error` has ended."""
+def test_fault_of_the_supply_and_latched_trip_are_published():
+    config, trip = load_rig("in-process"), TripError("too hot", 1)
+    with SharedWriter() as writer, RunFeed(writer, config, PublishedMode.OFF) as feed:
+        with Rig(config) as rig:
+            rig.latch.latch(trip)
+            feed.begin(rig)
+        assert faults_message(writer.published)["latched"] == trip.what
+        feed.tick(Tick(0.0, 0.0, Measurement(0.0, 20.0, nan, nan, supply_fault="asleep"), Command(0.0)))
+        assert faults_message(writer.published)["supply_fault"] == "asleep"
+
+
+def test_trip_is_latched_at_the_end_of_its_run():
+    assert faults_after(TripError("too hot", 1), latches=True)["latched"] == "too hot"
+
+
+def faults_after(error, *, latches=False):
+    """The published faults of a run that `error` has ended. With `latches`, the trip latch of the rig holds it."""
     config = load_rig("in-process")
 
     def end(writer):
         with RunFeed(writer, config, PublishedMode.TRACKING) as feed:
             with Rig(config) as rig:
                 feed.begin(rig)
+                if latches:
+                    rig.latch.latch(error)
             raise error
 
     with SharedWriter() as writer:

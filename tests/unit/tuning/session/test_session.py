@@ -185,3 +185,18 @@ def test_trip_is_published_and_ends_at_zero_current(rig):
     assert "fault" in rig.status["fault"]
     assert rig.status["mode"] == "off"
     assert currents(rig.between(21.0, 22.0)).max() < NONE_A
+
+
+def test_trip_is_published_as_latched_until_it_is_cleared(rig):
+    latched = []
+    rig.at(1.0, "arm")
+    rig.at(2.0, "track", reference="sine")
+    rig.do(6.0, lambda: latched.append(rig.status["latched"]))
+    rig.do(6.0, lambda: rig.device.bench.sensors.faults.open_thermocouple(1.0))
+    rig.do(8.0, lambda: latched.append(rig.status["latched"]))
+    rig.at(9.0, "clear")
+    rig.run(until_s=11.0)
+    before, tripped = latched
+    assert before is None
+    assert "thermocouple_open" in tripped
+    assert rig.status["latched"] is None
