@@ -118,7 +118,8 @@ def open_publication(
 ) -> Iterator[Publication]:
     """Publish what is written to `writer` during the `with` block.
 
-    Print at the beginning whether the broker answers, and at the end the counts of samples and connections.
+    Print at the beginning whether the broker answers, and at the end the counts of samples and connections. With
+    `--json`, warnings and counts go to stderr: not every command has a JSON object for them at its end.
     """
     from smadrive.telemetry.address import parse_address  # noqa: PLC0415
     from smadrive.telemetry.publication import Publication  # noqa: PLC0415
@@ -135,22 +136,23 @@ def _say_connection(publication: Publication, output: Output) -> None:
     is_ready, trouble = publication.wait_for_broker(), publication.counts.trouble
     if is_ready:
         output.say(f"publishing to {publication.address}")
-        output.warn([f"{publication.address}: {trouble}"] if trouble else [])
+        if trouble:
+            output.report(f"warning: {publication.address}: {trouble}")
     else:
-        reason = trouble or "no answer yet"
-        output.warn([f"{publication.address}: {reason}; the command goes on, and samples wait for the broker"])
+        reason = f"{trouble or 'no answer yet'}; the command goes on, and samples wait for the broker"
+        output.report(f"warning: {publication.address}: {reason}")
 
 
 def _say_counts(publication: Publication, output: Output) -> None:
     if not publication.has_begun:
         return
     counts = publication.counts
-    output.say(
+    output.report(
         f"published: {counts.samples} samples, {counts.dropped} dropped, {counts.waiting} not confirmed, "
         f"{count_text(counts.connections, 'connection')}"
     )
     if counts.samples == 0:
-        reason = counts.trouble or "the broker has confirmed no sample"
-        output.warn([f"nothing was published to {publication.address}: {reason}; check the address and the broker"])
+        reason = f"{counts.trouble or 'the broker has confirmed no sample'}; check the address and the broker"
+        output.report(f"warning: nothing was published to {publication.address}: {reason}")
     elif counts.trouble:
-        output.warn([f"{publication.address}: {counts.trouble}"])
+        output.report(f"warning: {publication.address}: {counts.trouble}")

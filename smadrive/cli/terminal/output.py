@@ -34,6 +34,10 @@ class Output:
         if not self.quiet:
             print(text)
 
+    def report(self, text: str) -> None:
+        """Print one line for a person. With `--json` it goes to stderr, because stdout is for the JSON object."""
+        print(text, file=sys.stderr if self.quiet else sys.stdout)
+
     def warn(self, caveats: Iterable[str]) -> None:
         """Print each reason to distrust the results on a line of its own."""
         for caveat in caveats:

@@ -70,13 +70,19 @@ def test_refused_subscription_is_a_trouble_of_a_connected_broker(granted, is_ref
             broker.close()
 
 
-def test_command_warns_that_off_has_no_effect(capsys):
+@pytest.mark.parametrize(("as_json", "stream"), [(False, "out"), (True, "err")])
+def test_command_reports_a_refused_subscription_and_the_counts(as_json, stream, capsys):
+    """With `--json`, stdout is left to the JSON objects."""
     config = load_rig("in-process").model_copy(update={"off_by_mqtt": True})
     with (
         broker_that_answers(REFUSED) as port,
         SharedWriter() as writer,
-        open_publication(f"mqtt://127.0.0.1:{port}", config, "run", writer, Output(as_json=False)) as publication,
+        open_publication(f"mqtt://127.0.0.1:{port}", config, "run", writer, Output(as_json)) as publication,
     ):
         topic = topic_of(publication.address.prefix, config.name, "off")
         assert topic in publication.counts.trouble
-        assert topic in capsys.readouterr().out
+        begun = capsys.readouterr()
+    ended = capsys.readouterr()
+    assert topic in getattr(begun, stream)
+    assert "0 samples" in getattr(ended, stream)
+    assert not as_json or (begun.out, ended.out) == ("", "")
