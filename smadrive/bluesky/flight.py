@@ -19,10 +19,9 @@ class Flight:
     """
 
     def __init__(self, servo: Servo, reference: Reference) -> None:
-        self.approach, self.flown = servo.follow(reference)
         self._servo = servo
         self._samples: deque[WireSample] = deque()
-        servo.takers.append(self._take)
+        self.approach, self.flown = servo.follow(reference, self._take)
 
     def samples(self) -> Iterator[WireSample]:
         """Yield the sample of each tick of the reference since the last call."""
@@ -30,7 +29,4 @@ class Flight:
             yield self._samples.popleft()
 
     def _take(self, tick: Tick) -> None:
-        if self.flown.done:
-            self._servo.takers.remove(self._take)
-        elif self.approach.success:
-            self._samples.append(WireSample(tick, self._servo.unix_s(tick)))
+        self._samples.append(WireSample(tick, self._servo.unix_s(tick)))

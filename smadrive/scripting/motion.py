@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from itertools import count
 
 from smadrive.errors import MotionError
 from smadrive.posix import OwningProcess
@@ -95,6 +96,47 @@ class Motion:
     def __repr__(self) -> str:
         state = "under way" if not self.done else "done" if self._error is None else f"failed: {self._error}"
         return f"Motion({self._what}, {state})"
+
+
+class RunMotions:
+    """The motions of the run of a servo, by their numbers. All methods may be called from any thread."""
+
+    def __init__(self) -> None:
+        self._numbers = count(1)
+        self._mutex = threading.Lock()
+        self._under_way: dict[int, Motion] = {}
+        self._end: BaseException | None = None
+
+    @property
+    def are_over(self) -> bool:
+        """True once the run has ended."""
+        return self._end is not None
+
+    def begin(self, what: str) -> tuple[int, Motion]:
+        """Return the number of a new motion, and the motion. If the run has ended, the motion has failed."""
+        motion = Motion(what)
+        with self._mutex:
+            number, end = next(self._numbers), self._end
+            if end is None:
+                self._under_way[number] = motion
+        if end is not None:
+            motion.finish(end)
+        return number, motion
+
+    def finish(self, number: int, error: BaseException | None) -> None:
+        """End a motion, if it is under way. Without `error` it has succeeded."""
+        with self._mutex:
+            motion = self._under_way.pop(number, None)
+        if motion is not None:
+            motion.finish(error)
+
+    def end(self, error: BaseException) -> None:
+        """Fail the motions under way with the error that has ended the run, and also those that begin later."""
+        with self._mutex:
+            left, self._end = list(self._under_way.values()), error
+            self._under_way.clear()
+        for motion in left:
+            motion.finish(error)
 
 
 def run_ended() -> MotionError:

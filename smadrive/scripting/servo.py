@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable
 from functools import cached_property
-from itertools import count
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -37,7 +36,7 @@ from smadrive.scripting.loop.servo_messages import (
     ServoReport,
     StopCommand,
 )
-from smadrive.scripting.motion import Motion, run_ended
+from smadrive.scripting.motion import Motion, RunMotions, run_ended
 from smadrive.scripting.move_options import SETTLE_S, TIMEOUT_S, move_options
 from smadrive.scripting.run import Run
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -71,10 +70,9 @@ class Servo:
         self.limits = permitted_mm(wire, rig_limits)
         self._wire, self._rig_limits = wire, rig_limits
         self._client = client
-        self._id, self._numbers = secrets.token_hex(8), count(1)
-        self._motions: dict[int, Motion] = {}
-        self._mutex = threading.Lock()
-        self._is_over = False
+        self._id = secrets.token_hex(8)
+        self._motions = RunMotions()
+        self._followers: dict[int, TickHandler] = {}
         self._latest: Tick | None = None
         self._driven: DrivenRun | None = None
         self._error: BaseException | None = None
@@ -120,7 +118,7 @@ class Servo:
         So a script that waits for a value does not wait for ever. `tick` still returns the last tick.
         """
         self._client.owner.check()
-        if self._is_over:
+        if self._motions.are_over:
             raise self._error or run_ended()
         if self._latest is None:
             self.sample().wait()
@@ -156,16 +154,18 @@ class Servo:
         check_displacement_within(setpoint_mm, self.limits)
         return self._command(f"move to {setpoint_mm:g} mm", lambda number: MoveCommand(number, setpoint_mm, *options))
 
-    def follow(self, reference: Reference) -> tuple[Motion, Motion]:
+    def follow(self, reference: Reference, take: TickHandler | None = None) -> tuple[Motion, Motion]:
         """Move to the beginning of a reference, then track it.
 
-        Return two motions: the first is done when the tracking begins, the second at the end of the reference.
+        Return two motions: the first is done when the tracking begins, the second at the end of the reference. `take`
+        is called like one of the `takers`, but only with the ticks of the reference, before the second motion ends.
         ConfigError for a reference that leaves the travel or exceeds a displacement limit of the rig, or has no end.
         """
         check_reference_within(reference, self._wire, self._rig_limits)
         check_end(reference.duration_s)
-        begun_number, approach = self._motion("approach to the reference")
-        return approach, self._command("reference", lambda number: FollowCommand(number, begun_number, reference))
+        self._client.owner.check()
+        begun_number, approach = self._motions.begin("approach to the reference")
+        return approach, self._command("reference", lambda number: FollowCommand(number, begun_number, reference), take)
 
     def sample(self) -> Motion:
         """Return a motion that ends with the next tick: `tick` is then fresh."""
@@ -194,22 +194,15 @@ class Servo:
     def __repr__(self) -> str:
         return f"Servo({self.log_file}, {'running' if self.is_running else 'ended'})"
 
-    def _command(self, what: str, command_of: Callable[[int], ServoCommand]) -> Motion:
-        number, motion = self._motion(what)
+    def _command(
+        self, what: str, command_of: Callable[[int], ServoCommand], follower: TickHandler | None = None
+    ) -> Motion:
+        self._client.owner.check()
+        number, motion = self._motions.begin(what)
+        if follower is not None:
+            self._followers[number] = follower
         self._client.command(self._id, command_of(number))
         return motion
-
-    def _motion(self, what: str) -> tuple[int, Motion]:
-        """Return a new motion and its number. If the run has ended, the returned motion has failed."""
-        self._client.owner.check()
-        motion = Motion(what)
-        with self._mutex:
-            number = next(self._numbers)
-            if not self._is_over:
-                self._motions[number] = motion
-                return number, motion
-        motion.finish(self._error or run_ended())
-        return number, motion
 
     def _end(self) -> None:
         self.request_end()
@@ -227,24 +220,20 @@ class Servo:
         except BaseException as error:  # noqa: BLE001 (raised by `stop`, and by each motion)
             self._error = error
         finally:
-            with self._mutex:
-                left, self._is_over = list(self._motions.values()), True
-                self._motions.clear()
-            for motion in left:
-                motion.finish(self._error or run_ended())
+            self._motions.end(self._error or run_ended())
 
     def _receive(self, report: ServoReport) -> None:
         """Take a report, in the thread of the link."""
         self.dropped = report.dropped
         if self._latest is None and report.ticks:
-            self._began_unix_s = time.time() - report.ticks[-1].time_s
-        for tick in report.ticks:
+            self._began_unix_s = time.time() - report.ticks[-1].tick.time_s
+        for tick, followed in report.ticks:
             self._latest = tick
             for take in tuple(self.takers):
                 if not succeeds(take, tick) and take in self.takers:
                     self.takers.remove(take)
+            if followed in self._followers and not succeeds(self._followers[followed], tick):
+                del self._followers[followed]
         for number, error in report.ended:
-            with self._mutex:
-                motion = self._motions.pop(number, None)
-            if motion is not None:
-                motion.finish(error)
+            self._followers.pop(number, None)
+            self._motions.finish(number, error)

@@ -41,6 +41,7 @@ from smadrive.scripting.loop.servo_messages import (
     SampleCommand,
     ServoCommand,
     ServoReport,
+    ServoTick,
     StopCommand,
 )
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -81,7 +82,7 @@ class LoopServo:
         self._is_virtual = is_virtual
         self._motion: MoveMotion | FollowMotion | None = None
         self._samples: list[int] = []
-        self._ticks: deque[Tick] = deque()
+        self._ticks: deque[ServoTick] = deque()
         self._ended: list[MotionEnd] = []
         self._dropped = 0
         self._event: Callable[[str], None] = lambda _text: None
@@ -164,7 +165,7 @@ class LoopServo:
         if len(self._ticks) == MOST_TICKS:
             self._ticks.popleft()
             self._dropped += 1
-        self._ticks.append(tick)
+        self._ticks.append(ServoTick(tick, self._followed()))
         self._ended += [MotionEnd(number, None) for number in self._samples]
         self._samples = []
         if self._motion is None or tick.tripped:
@@ -172,6 +173,11 @@ class LoopServo:
         self._ended += self._motion.update(tick, self._swappable.reference_s)
         if self._motion.is_over:
             self._motion = None
+
+    def _followed(self) -> int | None:
+        """Return the number of the FollowCommand whose reference the present tick tracks, or None."""
+        motion = self._motion
+        return motion.followed(self._swappable.reference_s) if isinstance(motion, FollowMotion) else None
 
     def _send(self) -> None:
         """Send the waiting ticks and the ends of motions. The ends go with the last of these ticks."""

@@ -8,6 +8,9 @@ from smadrive.control.loop import Tick
 from smadrive.errors import MotionError
 from smadrive.scripting.loop.servo_messages import FollowCommand, MotionEnd, MoveCommand
 
+ROUNDING_S = 1e-6
+"""Largest rounding error of a time in a run."""
+
 
 class MoveMotion:
     """The motion of a MoveCommand, whose path takes `path_s`. `is_over` is True after its end."""
@@ -61,13 +64,19 @@ class FollowMotion:
 
     def update(self, _tick: Tick, reference_s: float) -> Iterator[MotionEnd]:
         """Yield the end of the approach, and the end of the reference. `reference_s` counts from the approach."""
-        reference = self._command.reference
-        if not self._is_begun and reference_s >= reference.scored_from_s:
+        reference, rounded_s = self._command.reference, reference_s + ROUNDING_S
+        if not self._is_begun and rounded_s >= reference.scored_from_s:
             self._is_begun = True
             yield MotionEnd(self._command.begun_number, None)
-        if reference_s >= reference.duration_s:
+        if rounded_s >= reference.duration_s:
             self.is_over = True
             yield MotionEnd(self._command.number, None)
+
+    def followed(self, reference_s: float) -> int | None:
+        """Return the number of the command if the tick at `reference_s` is one of its reference, otherwise None."""
+        reference = self._command.reference
+        is_followed = reference.scored_from_s - ROUNDING_S <= reference_s <= reference.duration_s + ROUNDING_S
+        return self._command.number if is_followed else None
 
     def superseded(self) -> Iterator[MotionEnd]:
         """Yield the ends of those of the two motions that have not ended. They fail: another motion replaces them."""

@@ -58,12 +58,19 @@ class MotionEnd(NamedTuple):
     error: SmadriveError | None
 
 
+class ServoTick(NamedTuple):
+    """A tick, and the number of the FollowCommand whose reference it tracks; None during an approach or a move."""
+
+    tick: Tick
+    followed: int | None
+
+
 class ServoReport(NamedTuple):
     """The latest ticks, and the motions that have ended by the last of these ticks.
 
     `dropped` is the number of ticks since the servo began that were not sent, because the script did not read.
     """
 
-    ticks: tuple[Tick, ...]
+    ticks: tuple[ServoTick, ...]
     ended: tuple[MotionEnd, ...]
     dropped: int

@@ -13,12 +13,19 @@ from bluesky.utils import FailedStatus
 
 import smadrive
 from smadrive.bluesky import SmaWire
+from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, SafetyError, TripError
 from smadrive.rig.config import load_rig
 
 from .conftest import SINE, is_off
 
 MAJOR = 2
+TRIANGLE = [0.0, 10.0, 20.0], [3.0, 7.0, 3.0]
+"""Times in s, and displacements in mm."""
+
+TRIANGLE_MM = np.interp(np.linspace(0.0, 20.0, 401), *TRIANGLE)
+"""The triangle at each tick, from its first to its last moment, at 20 Hz."""
+
 PROTOCOLS = (
     *("Readable", "Movable", "NamedMovable", "Locatable", "Triggerable", "Stoppable", "Configurable", "Stageable"),
     *("Flyable", "EventCollectable", "Checkable", "HasHints", "HasName", "HasParent", "Pausable", "Preparable"),
@@ -77,13 +84,11 @@ def test_limits_are_checked_before_the_plan(wire):
 
 
 def test_flight_yields_an_event_for_each_tick(engine, documents, rig, wire):
-    wire.prepare(SINE)
+    wire.prepare(Reference.from_samples(*TRIANGLE))
     engine(bpp.stage_wrapper(bp.fly([wire]), [wire]))
     assert is_off(rig, wire)
     rows = documents.events()
-    assert len(rows) == pytest.approx(20.0 * 20.0, abs=3)
-    setpoints_mm = [row["wire_setpoint_mm"] for row in rows]
-    assert (min(setpoints_mm), max(setpoints_mm)) == pytest.approx((3.0, 7.0), abs=0.01)
+    np.testing.assert_allclose([row["wire_setpoint_mm"] for row in rows], TRIANGLE_MM, atol=1e-6)
     assert documents.of("descriptor")[0]["name"] == "wire_fly"
     times_s = [time_s for page in documents.of("event_page") for time_s in page["timestamps"]["wire_displacement_mm"]]
     assert len(times_s) == len(rows)
@@ -92,7 +97,7 @@ def test_flight_yields_an_event_for_each_tick(engine, documents, rig, wire):
 
 def test_flight_may_be_collected_in_parts(rig, wire):
     wire.stage()
-    wire.prepare(SINE)
+    wire.prepare(Reference.from_samples(*TRIANGLE))
     wire.kickoff().wait()
     events = list(wire.collect())
     for _ in range(3):
@@ -101,7 +106,7 @@ def test_flight_may_be_collected_in_parts(rig, wire):
     wire.complete().wait()
     wire.unstage()
     events += wire.collect()
-    assert len(events) == pytest.approx(20.0 * 20.0, abs=3)
+    np.testing.assert_allclose([event["data"]["wire_setpoint_mm"] for event in events], TRIANGLE_MM, atol=1e-6)
     times_s = [event["time"] for event in events]
     np.testing.assert_allclose(np.diff(times_s), 0.05, atol=0.005)
 
