@@ -2,6 +2,7 @@
 
 import sys
 import threading
+import time
 from threading import Timer
 
 import numpy as np
@@ -20,6 +21,8 @@ from smadrive.files.shipped import configs_dir
 from smadrive.rig.config import load_rig
 
 from .conftest import SINE, is_off
+
+HEATED_A = 0.1
 
 
 def paused_scan(wire):
@@ -51,7 +54,43 @@ def test_pause_switches_off_and_resume_moves_again(engine, documents, rig, wire)
     assert is_off(rig, wire)
 
 
-def test_abort_while_heating_ends_at_zero_current(engine, documents, rig, wire):
+def scan_that_never_settles(wire):
+    wire.configure(tolerance_mm=1e-6, timeout_s=1e6)
+    return bp.scan([], wire, 6.0, 8.0, 2)
+
+
+def long_flight(wire):
+    wire.prepare(smadrive.sine(low_mm=3, high_mm=7, period_s=20000, cycles=1))
+    return bpp.stage_wrapper(bp.fly([wire]), [wire])
+
+
+def abort_while_heated(engine, wire):
+    """Abort the plan that runs as soon as a tick of the wire has a current. Return the list that gets this current."""
+    heated_a = []
+
+    def abort():
+        while (servo := wire._servo) is None or servo.tick is None or servo.tick.measurement.current_a < HEATED_A:
+            time.sleep(0.01)
+        assert engine.state == "running"
+        heated_a.append(servo.tick.measurement.current_a)
+        engine.abort("test")
+
+    threading.Thread(target=abort, daemon=True).start()
+    return heated_a
+
+
+@pytest.mark.parametrize("plan", [scan_that_never_settles, long_flight])
+def test_abort_of_a_running_plan_ends_at_zero_current(engine, documents, rig, wire, plan):
+    heated_a = abort_while_heated(engine, wire)
+    with pytest.raises(RunEngineInterrupted):
+        engine(plan(wire))
+    assert len(heated_a) == 1
+    assert engine.state == "idle"
+    assert documents.of("stop")[0]["exit_status"] == "abort"
+    assert is_off(rig, wire)
+
+
+def test_abort_of_a_paused_plan_ends_at_zero_current(engine, documents, rig, wire):
     with pytest.raises(RunEngineInterrupted):
         engine(paused_scan(wire))
     engine.abort("test")
