@@ -1,7 +1,7 @@
 """A campaign from its plan to its output folder.
 
-journal.jsonl      finished runs, as they finish          results.parquet   the table
-campaign.toml      a copy of the campaign file            effort.parquet    durations, times of day, processes
+campaign.toml      a copy of the campaign file            results.parquet   the table
+journal.jsonl      finished runs, as they finish          effort.parquet    durations, times of day, processes
 logs/run-N.h5      the worst runs, executed again         report.html       the page
 """
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from distributed import Client
     from pandas import DataFrame
 
-COPY, PAGE, LOGS = "campaign.toml", "report.html", "logs"
+PAGE, LOGS = "report.html", "logs"
 
 Step = Callable[[str], None]
 """A function that is called with the name of each step that follows the runs."""
@@ -70,8 +70,6 @@ def conduct(
     `finished` is called with each result, and `step` before each step after the runs.
     """
     run_all(client, plan, groups, journal, finished)
-    with replacing(journal.folder / COPY) as partial:
-        partial.write_text(plan.text, encoding="utf-8")
     table = results_table(plan, journal.results)
     table_file = journal.folder / RESULTS
     digest = write_table(table, table_file)

@@ -4,10 +4,13 @@ The first line identifies the plan, and the versions of the packages that comput
 object with the number of a run, its row and its effort. A line is written as soon as its run is finished. A kill can
 cut the last line, and a disk can damage any. The first damaged line and all lines after it are removed when the journal
 is opened again, and their runs are repeated. A failure that is not final has no line, so its run is repeated, too.
+
+A copy of the campaign file is written before the first line, because only the same settings can go on with the runs.
 """
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from contextlib import ExitStack, suppress
@@ -20,10 +23,11 @@ from smadrive.campaigns.experiments.run import Effort, RunResult
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.versions import versions
 from smadrive.errors import DataError
+from smadrive.files.atomic import replacing
 from smadrive.files.checked_line import checked_line, fields_of_line
 from smadrive.posix import fcntl
 
-JOURNAL = "journal.jsonl"
+JOURNAL, COPY = "journal.jsonl", "campaign.toml"
 SCHEMA = 2
 SYNCED_S = 1.0
 """Shortest time between two synchronizations of the journal to the disk, s."""
@@ -53,6 +57,7 @@ class Journal:
             self._lock()
             stack.callback(self._remove_unless_begun)
             if not (self._resume and self._read()):
+                self._write_copy()
                 head = {"schema": SCHEMA, "fingerprint": self._plan.fingerprint, "title": self._plan.config.title}
                 self._write({**head, "versions": versions()})
             self._sync()
@@ -64,7 +69,8 @@ class Journal:
     ) -> None:
         """Synchronize the journal to the disk, and release the folder. DataError when the disk fails.
 
-        A new journal without a finished run is removed, with the folder if this journal created it.
+        A new journal without a finished run is removed with its copy of the campaign file, and with the folder if this
+        journal created it.
         """
         with self._on_exit:
             try:
@@ -77,6 +83,7 @@ class Journal:
         if self._has_begun:
             return
         (self.folder / JOURNAL).unlink()
+        (self.folder / COPY).unlink(missing_ok=True)
         if self._is_new_folder:
             with suppress(OSError):  # another file is in the folder
                 self.folder.rmdir()
@@ -111,10 +118,11 @@ class Journal:
             cure = "give the folder of an interrupted campaign, or leave out --resume"
             raise DataError("no campaign was begun in this folder", where=self.folder, cure=cure) from None
         except FileExistsError:
-            raise _not_empty(self.folder) from None
+            if self.folder.is_dir():  # another command was faster
+                raise _not_empty(self.folder) from None
+            raise _unusable(self.folder, os.strerror(errno.ENOTDIR)) from None
         except OSError as error:
-            cure = "choose another folder"
-            raise DataError("cannot be used as a folder", where=self.folder, value=error.strerror, cure=cure) from None
+            raise _unusable(self.folder, error.strerror) from None
 
     def _lock(self) -> None:
         try:
@@ -168,7 +176,8 @@ class Journal:
                 "the folder belongs to another campaign, or a file that the campaign names has changed",
                 where=self.folder,
                 value=entry.get("title"),
-                cure="give the same campaign file with the same files, or choose another folder without --resume",
+                cure=f"give the same campaign file, of which {COPY} in the folder is a copy, with the same files; or "
+                "choose another folder without --resume",
             )
         if (found := entry.get("versions")) != (own := versions()):
             raise DataError(
@@ -178,6 +187,10 @@ class Journal:
                 limit=_joined(own),
                 cure="install the same versions, or choose another folder without --resume",
             )
+
+    def _write_copy(self) -> None:
+        with replacing(self.folder / COPY) as partial:
+            partial.write_text(self._plan.text, encoding="utf-8")
 
     def _write(self, entry: dict[str, Any]) -> None:
         line = checked_line(entry)
@@ -214,3 +227,7 @@ def _check_empty(folder: Path) -> None:
 def _not_empty(folder: Path) -> DataError:
     cure = "choose another folder, or go on with the campaign in this folder: --resume"
     return DataError("the folder is not empty", where=folder, cure=cure)
+
+
+def _unusable(folder: Path, reason: str | None) -> DataError:
+    return DataError("cannot be used as a folder", where=folder, value=reason, cure="choose another folder")

@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import pytest
 
-from smadrive.campaigns.execution.journal import JOURNAL, SCHEMA, Journal
+from smadrive.campaigns.execution.journal import COPY, JOURNAL, SCHEMA, Journal
 from smadrive.campaigns.experiments.run import Effort, RunResult
 from smadrive.errors import DataError
 from smadrive.files.checked_line import checked_line, fields_of_line
@@ -81,14 +81,16 @@ def test_damaged_first_line_is_named(short_campaign, tmp_path):
 
 @pytest.mark.parametrize("kept", [0, 10, -1])
 def test_journal_whose_first_line_is_cut_is_begun_again(short_campaign, tmp_path, kept):
-    plan = short_campaign()
+    plan, folder = short_campaign(), tmp_path / "folder"
     head = head_of(plan, tmp_path / "whole")
-    (tmp_path / JOURNAL).write_bytes(head[:kept])
-    with Journal(tmp_path, plan, resume=True) as journal:
+    folder.mkdir()
+    (folder / JOURNAL).write_bytes(head[:kept])
+    with Journal(folder, plan, resume=True) as journal:
         assert journal.results == {}
         journal.add(1, RESULT)
-    assert (tmp_path / JOURNAL).read_bytes().startswith(head)
-    with Journal(tmp_path, plan, resume=True) as journal:
+    assert (folder / JOURNAL).read_bytes().startswith(head)
+    assert (folder / COPY).read_text(encoding="utf-8") == plan.text
+    with Journal(folder, plan, resume=True) as journal:
         assert list(journal.results) == [1]
 
 
@@ -197,26 +199,6 @@ def test_a_campaign_does_not_go_on_with_other_versions(short_campaign, tmp_path)
     with pytest.raises(DataError) as caught, Journal(folder, short_campaign(), resume=True):
         pass
     assert "numpy 1.0" in caught.value.value
-
-
-def test_a_campaign_without_a_run_leaves_nothing(short_campaign, tmp_path):
-    for _ in range(2):
-        with Journal(tmp_path / "folder", short_campaign(), resume=False):
-            pass
-    assert not (tmp_path / "folder").exists()
-
-
-def test_a_campaign_without_a_run_leaves_the_folder_of_the_user(short_campaign, tmp_path):
-    (tmp_path / "folder").mkdir()
-    with Journal(tmp_path / "folder", short_campaign(), resume=False):
-        pass
-    assert list((tmp_path / "folder").iterdir()) == []
-
-
-def test_resume_needs_a_campaign_and_creates_no_folder(short_campaign, tmp_path):
-    with pytest.raises(DataError), Journal(tmp_path / "nothing", short_campaign(), resume=True):
-        pass
-    assert not (tmp_path / "nothing").exists()
 
 
 def test_failure_that_is_not_final_is_repeated(short_campaign, tmp_path):
