@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.results.figures import axis_plots, distribution_plot, sensitivity_plot
 from smadrive.campaigns.results.sensitivity import ColumnShare, sensitivities
-from smadrive.campaigns.results.summary import SummaryRow, level_text, summarized, summary_columns, worst_first
+from smadrive.campaigns.results.summary import (
+    SummaryRow,
+    level_text,
+    number_text,
+    summarized,
+    summary_columns,
+    worst_first,
+)
 from smadrive.campaigns.results.table import RESULTS
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import read_log
@@ -55,7 +62,7 @@ def summary_header(by: Sequence[str]) -> tuple[str, ...]:
 
 def summary_cells(row: SummaryRow) -> tuple[str, ...]:
     """Return the cells of a row of the summary."""
-    numbers = (level_text(value) for value in (row.median, row.high, row.worst))
+    numbers = (number_text(value) for value in (row.median, row.high, row.worst))
     return (*row.levels, str(row.runs), *numbers, str(row.tripped), str(row.failed))
 
 
@@ -77,22 +84,25 @@ def _end(plan: CampaignPlan, table: DataFrame) -> Banner:
 def _tiles(table: DataFrame, metric: str) -> list[tuple[str, str]]:
     (all_runs,) = summarized(table, metric, ())
     return [
-        (level_text(all_runs.median), f"median of {metric}"),
-        (level_text(all_runs.high), "90 % of the runs that have a value are below"),
-        (level_text(all_runs.worst), "worst"),
+        (number_text(all_runs.median), f"median of {metric}"),
+        (number_text(all_runs.high), "90 % of the runs that have a value are below"),
+        (number_text(all_runs.worst), "worst"),
         (f"{all_runs.tripped} / {all_runs.failed}", "tripped / failed"),
     ]
 
 
 def _two_axes(plan: CampaignPlan, table: DataFrame, metric: str) -> Iterator[Grid]:
-    """Yield the table of medians over the first two axes, random wires and repeats excepted."""
+    """Yield the table of medians over the first two axes, random wires and repeats excepted.
+
+    A value of an axis is in the table even if all its runs failed.
+    """
     compared = [axis for axis in plan.axes if not axis.is_sample and len(axis.levels) > 1]
     if len(compared) < 2:
         return
     down, across = compared[:2]
-    medians = table.pivot_table(index=down.name, columns=across.name, values=metric, aggfunc="median", sort=False)
+    medians = table.groupby([down.name, across.name], sort=False)[metric].median().unstack(sort=False)
     rows = [
-        (level_text(level), *(level_text(float(value)) for value in row))
+        (level_text(level), *(number_text(float(value)) for value in row))
         for level, row in zip(medians.index, medians.to_numpy(), strict=True)
     ]
     header = (f"{down.name} \\ {across.name}", *map(level_text, medians.columns))
@@ -105,7 +115,7 @@ def _ranking(ranking: Sequence[ColumnShare], metric: str) -> Iterator[PagePart]:
         return
     yield sensitivity_plot(ranking, metric)
     rows = [
-        (one.column, f"{100 * one.share:.1f} %", level_text(one.lowest), level_text(one.highest)) for one in ranking
+        (one.column, f"{100 * one.share:.1f} %", number_text(one.lowest), number_text(one.highest)) for one in ranking
     ]
     yield Grid(("column", "share", f"median {metric}, from", "to"), rows)
 
@@ -115,7 +125,7 @@ def _worst(plan: CampaignPlan, table: DataFrame, metric: str, logs: Mapping[int,
     scored = table[table["status"] != "failed"]
     worst = worst_first(scored, metric).head(max(plan.config.report.worst_logs, 1))
     rows = [
-        (str(row["run"]), *(level_text(row[name]) for name in axes), level_text(row[metric]), row["status"])
+        (str(row["run"]), *(level_text(row[name]) for name in axes), number_text(row[metric]), row["status"])
         for _, row in worst.iterrows()
     ]
     yield Grid(("run", *axes, metric, "status"), rows, "Worst runs")

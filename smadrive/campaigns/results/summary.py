@@ -68,13 +68,19 @@ def summarized(table: DataFrame, metric: str, by: Sequence[str]) -> list[Summary
 
 def worst_first(table: DataFrame, metric: str) -> DataFrame:
     """Return the runs in the order of their metric, the worst first: trips, then failures, then the largest values."""
-    rank = table["status"].map({"tripped": 2, "failed": 1}).fillna(0)
-    return table.assign(_rank=rank).sort_values(["_rank", metric, "run"], ascending=[False, False, True])[table.columns]
+    rank = table["status"].map({"tripped": 2, "failed": 1}).fillna(0).to_numpy(dtype=np.float64)
+    values = table[metric].to_numpy(dtype=np.float64)
+    return table.iloc[np.lexsort((table["run"], -values, -rank))]  # NaN comes last
 
 
 def level_text(value: object) -> str:
-    """Return a value of an axis or a metric as text."""
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    """Return a value of an axis as text. Different values have different texts."""
+    return str(value).removesuffix(".0") if isinstance(value, float) else str(value)
+
+
+def number_text(value: float) -> str:
+    """Return a value of a metric as text, with four digits."""
+    return f"{value:.4g}"
 
 
 def _summary_row(values: tuple[str, ...], runs: DataFrame, metric: str) -> SummaryRow:

@@ -6,7 +6,7 @@ import pytest
 
 from smadrive.campaigns.experiments.columns import STATE, outcome_row
 from smadrive.campaigns.experiments.run import Effort, RunResult
-from smadrive.campaigns.results.report import write_campaign_report
+from smadrive.campaigns.results.report import _two_axes, write_campaign_report
 from smadrive.campaigns.results.sensitivity import sensitivities
 from smadrive.campaigns.results.summary import summarized, worst_first
 from smadrive.campaigns.results.table import results_table, write_table
@@ -70,6 +70,29 @@ def test_the_table_opens_in_one_line_with_units_and_provenance(plan, tmp_path):
     grid = read.set_index(read.attrs["axes"]).to_xarray()
     assert dict(grid.sizes) == {"wire.seed": 2, "sim.thermocouple.noise_c": 3, "rig.rate_hz": 2, "seed": 5}
     assert digest == write_table(table, tmp_path / "again.parquet")
+
+
+def test_near_values_of_an_axis_have_names_of_their_own(short_campaign):
+    plan = short_campaign(vary="[[vary]]\nsim.wire.mass_kg = [1000.1, 1000.4, 2e-5, 10.0]\n")
+    rows = summarized(table_with(plan, lambda _levels, _random: 1.0), "rms_percent", ["sim.wire.mass_kg"])
+    assert [row.levels for row in rows] == [("1000.1",), ("1000.4",), ("2e-05",), ("10",)]
+
+
+def test_ranking_of_the_worst_runs_does_not_depend_on_the_name_of_an_axis(short_campaign):
+    plan = short_campaign(vary='[[vary]]\nname = "_rank"\nrig.rate_hz = [20.0, 10.0]\n')
+    table = table_with(plan, lambda levels, _random: -levels["_rank"])
+    worst = worst_first(table, "rms_percent")
+    assert list(zip(worst["run"], worst["_rank"], strict=True)) == [(1, 10.0), (3, 10.0), (0, 20.0), (2, 20.0)]
+
+
+def test_table_of_two_axes_has_every_value_even_if_its_runs_failed(plan):
+    """At 0.1 K of noise and at 20 Hz all runs failed."""
+    table = table_with(plan, lambda levels, _random: levels["rig.rate_hz"])
+    failed = (table["sim.thermocouple.noise_c"] == 0.1) | (table["rig.rate_hz"] == 20.0)
+    table.loc[failed, ["status", "rms_percent"]] = ["failed", np.nan]
+    (grid,) = _two_axes(plan, table, "rms_percent")
+    assert grid.header[1:] == ("10", "20")
+    assert grid.rows == [("0.1", "nan", "nan"), ("0.2", "10", "nan"), ("0.4", "10", "nan")]
 
 
 @pytest.mark.exhaustive
