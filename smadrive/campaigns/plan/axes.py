@@ -110,9 +110,15 @@ def _check_size(number: int, where: str) -> None:
 
 
 def _lists(table: Mapping[str, Any], where: str, path: str = "") -> Iterator[tuple[str, list[Any]]]:
-    """Yield (path, values) for each list or grid in a tree of tables. ConfigError for a value that is neither."""
+    """Yield (path, values) for each list or grid in a tree of tables.
+
+    ConfigError for a value that is neither, and for a name with a dot, which separates the keys of a path.
+    """
     for key, value in table.items():
         name = f"{path}.{key}" if path else key
+        if "." in key:
+            cure = f'let a table vary that contains it: labels = ["…"], {path or "rig"} = [{{"{key}" = {{…}}}}]'
+            raise ConfigError("a name with a dot cannot be a key of an axis", where=where, value=key, cure=cure)
         if isinstance(value, Mapping) and "number" in value:
             yield name, _grid(validate(dict(value), GridConfig, f"{where}: {name}"), f"{where}: {name}")
         elif isinstance(value, Mapping):

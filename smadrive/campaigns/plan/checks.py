@@ -17,17 +17,27 @@ NEEDED = {"wire.alloy": "wire.diameter_mm", "wire.length_m": "wire.diameter_mm",
 """Keys that have an effect only together with another key: the key to the key that it needs."""
 
 OF_TRACKING = ("controller", "reference", "disturbance", "displacement_sensor", "rig.displacement_from")
+OF_RECORDS = ("record", "fit.input", "fit.output")
 UNUSED: dict[Experiment, tuple[str, ...]] = {
-    "track": ("record",),
-    "identify": ("record", *OF_TRACKING),
+    "track": OF_RECORDS,
+    "identify": (*OF_RECORDS, *OF_TRACKING),
     "fit": ("model", "rig", "sim", "wire", "seed", *OF_TRACKING),
 }
 """The keys that have no effect in an experiment."""
 
-OF_EXCITATION = ("fit", "rig.excitation")
-"""The keys that have no effect with a model."""
+EXCLUDED = {
+    "fit": ("model", "the run identifies no wire"),
+    "rig.excitation": ("model", "the run identifies no wire"),
+    "rig.wire": ("wire.diameter_mm", "its wire has a data sheet of its own"),
+}
+"""Keys that have no effect together with another key: the other key, and the reason."""
 
-ADAPT = "rig.feedback.adapt"
+OF_COMMANDS = {
+    "rig.feedback.adapt": ("only `smadrive tune` adapts the rules", "remove it"),
+    "rig.model": ("its runs use the key `model` of [run]", "remove it, or write `model` in its place"),
+    "rig.off_by_mqtt": ("it publishes nothing to a broker", "remove it"),
+}
+"""The keys of a rig that have no effect in any campaign: reason and cure."""
 
 Table = Mapping[str, Any]
 """The keys that a campaign file sets for a run."""
@@ -72,19 +82,19 @@ def _useless(table: Table, settings: RunSettings) -> Iterator[_Useless]:
     experiment = settings.experiment
     for key in UNUSED[experiment]:
         if _is_set(table, key):
-            other = "fit" if key == "record" else "track"
+            other = "fit" if key in OF_RECORDS else "track"
             cure = f'remove it, or write experiment = "{other}" in [run]'
             yield _Useless(key, f'with experiment = "{experiment}"', cure)
     for key, needed in NEEDED.items():
         if _is_set(table, key) and not _is_set(table, needed):
             more = ", or random_wires in [[vary]]" if needed == "wire.seed" else ""
             yield _Useless(key, f"without {needed}", f"remove it, or write {needed}{more}")
-    if _is_set(table, "model"):
-        for key in OF_EXCITATION:
-            if _is_set(table, key):
-                yield _Useless(key, "with model: the run identifies no wire", "remove one of the two keys")
-    if _is_set(table, ADAPT):
-        yield _Useless(ADAPT, "in a campaign: only `smadrive tune` adapts the rules", "remove it")
+    for key, (other, why) in EXCLUDED.items():
+        if _is_set(table, key) and _is_set(table, other):
+            yield _Useless(key, f"with {other}: {why}", "remove one of the two keys")
+    for key, (why, cure) in OF_COMMANDS.items():
+        if _is_set(table, key):
+            yield _Useless(key, f"in a campaign: {why}", cure)
 
 
 def _is_set(table: Table, key: str) -> bool:

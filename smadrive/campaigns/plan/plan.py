@@ -29,7 +29,7 @@ from smadrive.campaigns.plan.config import (
     RunSettings,
     load_campaign,
 )
-from smadrive.campaigns.plan.documents import RunDocuments, documents_of
+from smadrive.campaigns.plan.documents import RunDocuments, documents_of, merged
 from smadrive.errors import ConfigError
 from smadrive.files.config import validate
 from smadrive.files.kinds import CAMPAIGN
@@ -180,19 +180,15 @@ def files_of(run: PlannedRun) -> list[Path]:
 
 
 def _changed(table: dict[str, Any], changes: list[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the settings with the values of all axes at their paths."""
+    """Return the settings with the values of all axes at their paths. Tables on an axis and in [run] are merged."""
     result = table
     for path, value in (item for change in changes for item in change.items()):
-        result = _with(result, path.split("."), value)
+        *outer, last = path.split(".")
+        inner = {last: value}
+        for key in reversed(outer):
+            inner = {key: inner}
+        result = merged(result, inner, "[[vary]]")
     return result
-
-
-def _with(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
-    first, *rest = keys
-    inner = table.get(first, {})
-    if rest and not isinstance(inner, Mapping):
-        raise ConfigError("not a table", where=f"[[vary]]: {'.'.join(keys)}", value=str(inner), cure="check the path")
-    return {**table, first: _with(inner, rest, value) if rest else value}
 
 
 def _named(name: str, tables: Mapping[str, Any], kind: str) -> Any:

@@ -100,7 +100,9 @@ def _two_axes(plan: CampaignPlan, table: DataFrame, metric: str) -> Iterator[Gri
     if len(compared) < 2:
         return
     down, across = compared[:2]
-    medians = table.groupby([down.name, across.name], sort=False)[metric].median().unstack(sort=False)
+    medians = table.pivot_table(
+        index=down.name, columns=across.name, values=metric, aggfunc="median", sort=False, dropna=False
+    )
     rows = [
         (level_text(level), *(number_text(float(value)) for value in row))
         for level, row in zip(medians.index, medians.to_numpy(), strict=True)

@@ -15,7 +15,6 @@ title = "x"
 reference = "table"
 model = "wire.json"
 rig.file = "rig.toml"
-rig.model = "wire.json"
 sim.file = "sim.toml"
 [[vary]]
 seed = [1, 2]

@@ -83,6 +83,27 @@ def test_devices_are_changed_by_name(planned):
     assert [device.name for device in others] == ["thermometer", "laser"]
 
 
+def test_table_on_an_axis_keeps_the_other_keys_of_the_run(planned):
+    run = "[run.rig]\nrate_hz = 15.0\nlimits.stale_after_s = 0.4\n[run.fit]\nmemory = 1\n"
+    axis = """[[vary]]
+    labels = ["a", "b"]
+    rig = [{file = "in-process"}, {file = "bench-supply", limits = {watchdog_s = 3.0}}]
+    fit = [{sets = 11}, {sets = 21}]
+    """
+    first, second = map(planned(run + axis).run, range(2))
+    assert [one.documents.rig.rate_hz for one in (first, second)] == [15.0, 15.0]
+    assert [one.documents.rig.limits.stale_after_s for one in (first, second)] == [0.4, 0.4]
+    assert second.documents.rig.limits.watchdog_s == 3.0
+    assert [(one.settings.fit.sets, one.settings.fit.memory) for one in (first, second)] == [(11, 1), (21, 1)]
+
+
+def test_device_whose_name_has_a_dot_varies_in_a_table(planned):
+    run = "[[run.rig.devices]]\nname = 'a.b'\nprofile = 'sma-reference'\nurl = 'sim://a.b'\n"
+    axis = "[[vary]]\nlabels = ['a']\nrig.devices = [{'a.b' = {unit_id = 7}}]\n"
+    (device,) = planned(run + axis).run(0).documents.rig.devices
+    assert (device.name, device.unit_id) == ("a.b", 7)
+
+
 def test_a_diameter_brings_its_own_data_sheet(planned):
     plan = planned("[run.wire]\ndiameter_mm = 0.25\n")
     sheet, sim = plan.run(0).documents.data_sheet, plan.run(0).documents.sim
@@ -127,6 +148,7 @@ def test_a_grid_of_a_thousand_million_runs_is_an_error(planned):
         ("[[vary]]\nrepeats = 2\nseed = [7, 8]\n", "[[vary]] 1: seed"),
         ("[[vary]]\nlabels = ['a', 'a']\nrig.rate_hz = [10.0, 20.0]\n", "[[vary]] 1"),
         ("[[vary]]\nrig.file = [3]\n", "file"),
+        ("[[vary]]\nrig.devices.'a.b'.profile = ['tclab']\n", "[[vary]] 1"),
         ("[[vary]]\nrig.devices = [[{name = 'a'}]]\n", "[[vary]] 1"),
         ("[[vary]]\nname = 'rms_percent'\nseed = [1]\n", "[[vary]]"),
         ("[[vary]]\nreference = ['sin']\n", "[run]"),

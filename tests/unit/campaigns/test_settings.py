@@ -40,6 +40,12 @@ USELESS = [
     (TRACK, "wire.kind", '"preisach"'),
     (TRACK, "record", '"a.csv"'),
     (TRACK, "rig.feedback.adapt", "true"),
+    (TRACK, "rig.model", '"wire.json"'),
+    (TRACK + 'model = "wire.json"\n', "rig.model", '"wire.json"'),
+    (TRACK, "rig.off_by_mqtt", "true"),
+    (TRACK, "fit.input", '"a"'),
+    (IDENTIFY, "fit.output", '"a"'),
+    (TRACK + "wire.diameter_mm = 0.15\n", "rig.wire", '"flexinol-lt-0.15mm"'),
     (TRACK + 'model = "wire.json"\n', "fit", '{kind = "duhem"}'),
     (TRACK + 'model = "wire.json"\n', "rig.excitation", "{reversals = 3}"),
     (IDENTIFY, "controller", '"inverse"'),
@@ -88,7 +94,8 @@ def test_random_wires_and_repeats_have_no_effect_on_a_fit(checked, counted, key)
         (TRACK + 'controller = "feedback-only"\ndisturbance = "draft"\n', "displacement_sensor = [true, false]"),
         (TRACK + 'fit.kind = "duhem"\nrig.displacement_from = "none"\n', "repeats = 2"),
         (IDENTIFY + "rig.rate_hz = 20.0\nsim.thermocouple.noise_c = 0.2\n", "random_wires = 2"),
-        (FIT, 'fit.kind = ["duhem", "tsfuzzy"]'),
+        (TRACK, 'rig.wire = ["flexinol-lt-0.15mm"]'),
+        (FIT + 'fit.output = "displacement_mm"\n', 'fit.kind = ["duhem", "tsfuzzy"]'),
     ],
 )
 def test_keys_with_an_effect_are_accepted(checked, run, vary):
