@@ -140,11 +140,15 @@ def _failure(run: PlannedRun, error: Exception) -> RunFailure:
     """Return the failure of a run by `error`, the exception that is handled now.
 
     If this machine cannot read a file of the run, the error is not that of the run: the command has read all files, so
-    a shared disk may be missing here.
+    a shared disk may be missing here. Files are named relative to the campaign file: the row must not depend on the
+    folder.
     """
     is_expected = isinstance(error, SmadriveError)
-    is_final = is_expected and all(os.access(path, os.R_OK) for path in files_of(run))
-    return RunFailure(outcome_row("failed", error), "" if is_expected else traceback.format_exc(), is_final)
+    files, text = files_of(run), str(error)
+    is_final = is_expected and all(os.access(path, os.R_OK) for path in files)
+    for path in sorted(files, key=lambda path: len(str(path)), reverse=True):  # a path can begin with a shorter one
+        text = text.replace(str(path), os.path.relpath(path, run.folder))
+    return RunFailure(outcome_row("failed", error, text), "" if is_expected else traceback.format_exc(), is_final)
 
 
 def _row(run: PlannedRun, knowledge: WireKnowledge | None) -> Row:

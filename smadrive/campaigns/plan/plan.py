@@ -38,7 +38,10 @@ from smadrive.files.spelling import suggestion_or_list
 
 
 class PlannedRun(NamedTuple):
-    """One run: its number, its values on the axes, and all that a worker needs."""
+    """One run: its number, its values on the axes, and all that a worker needs.
+
+    `folder` is the folder of the campaign file.
+    """
 
     number: int
     levels: Mapping[str, Level]
@@ -46,6 +49,7 @@ class PlannedRun(NamedTuple):
     documents: RunDocuments
     reference: ReferenceConfig | None
     disturbance: tuple[DisturbanceConfig, ...]
+    folder: Path
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,7 @@ class CampaignPlan:
             documents_of(settings, self.folder),
             None if reference is None else self._reference(_named(reference, self.config.references, "references")),
             _named(settings.disturbance, disturbances, "disturbances"),
+            self.folder,
         )
 
     def _reference(self, reference: ReferenceConfig) -> ReferenceConfig:

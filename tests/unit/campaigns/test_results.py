@@ -1,11 +1,15 @@
 """Summary, ranking of the worst runs, sensitivity, and the table of a campaign."""
 
+import shutil
+
 import numpy as np
 import pandas as pd
 import pytest
+from exact_wire import exact_wire
 
 from smadrive.campaigns.experiments.columns import STATE, outcome_row
-from smadrive.campaigns.experiments.run import Effort, RunResult
+from smadrive.campaigns.experiments.run import Effort, RunResult, execute
+from smadrive.campaigns.plan.plan import load_plan
 from smadrive.campaigns.results.report import _two_axes, write_campaign_report
 from smadrive.campaigns.results.sensitivity import sensitivities
 from smadrive.campaigns.results.summary import summarized, worst_first
@@ -93,6 +97,32 @@ def test_table_of_two_axes_has_every_value_even_if_its_runs_failed(plan):
     (grid,) = _two_axes(plan, table, "rms_percent")
     assert grid.header[1:] == ("10", "20")
     assert grid.rows == [("0.1", "nan", "nan"), ("0.2", "10", "nan"), ("0.4", "10", "nan")]
+
+
+@pytest.mark.parametrize(
+    ("name", "run", "vary"),
+    [
+        ("7.csv", 'experiment = "fit"', 'records = "*.csv"'),
+        ("wire.json", 'reference = "up"', 'model = ["wire.json", "./sub/../wire.json"]'),
+        ("table.csv", 'reference = "table"\nmodel = "good.json"', "repeats = 1"),
+    ],
+)
+def test_table_with_a_damaged_file_does_not_depend_on_the_folder(tmp_path, name, run, vary):
+    references = "[references.up]\nshape = 'sine:period_s=20'\n[references.table]\nfile = 'table.csv'\n"
+    exact_wire().save(tmp_path / "good.json")
+    digests, errors = set(), set()
+    for folder in (tmp_path / "anna", tmp_path / "a copy of it"):
+        (folder / "sub").mkdir(parents=True)
+        shutil.copy(tmp_path / "good.json", folder)
+        (folder / name).write_text("damaged")
+        path = folder / "campaign.toml"
+        path.write_text(f"title = 'x'\n[run]\n{run}\n[[vary]]\n{vary}\n{references}")
+        plan = load_plan(str(path))
+        table = results_table(plan, {number: execute(plan.run(number)) for number in range(plan.count)})
+        errors |= set(table["error"])
+        digests.add(write_table(table, folder / "results.parquet"))
+    assert len(digests) == 1
+    assert all(name in error and str(tmp_path) not in error for error in errors)
 
 
 @pytest.mark.exhaustive
