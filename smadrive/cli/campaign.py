@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -72,7 +73,8 @@ def _conduct(
     plan = load_plan(campaign)
     with output.progress("checking the runs"):
         check_plan(plan)
-    with Journal(folder, plan, resume=resume) as journal, _resumable(journal, plan.count, campaign):
+    command = _resume_command(campaign, folder, scheduler, workers, as_json=output.quiet)
+    with Journal(folder, plan, resume=resume) as journal, _resumable(journal, plan.count, command):
         with output.progress("estimating time and disk space"):
             groups = groups_of(plan, set(journal.results))
             estimate = estimated(plan, groups)
@@ -99,12 +101,22 @@ def _client(scheduler: str | None, workers: int | None) -> AbstractContextManage
 
 
 @contextmanager
-def _resumable(journal: Journal, count: int, campaign: str) -> Iterator[None]:
-    """Add a note to an error or interruption in the `with` block: the number of finished runs, and how to go on."""
+def _resumable(journal: Journal, count: int, command: str) -> Iterator[None]:
+    """Add a note to an error or interruption in the `with` block: the number of finished runs, and how to go on.
+
+    `command` is the command that goes on with the remaining runs.
+    """
     try:
         yield
     except BaseException as error:
         if done := len(journal.results) - journal.not_final:
-            command = f"smadrive campaign {campaign} -o {journal.folder} --resume"
             error.add_note(f"{done} of {count} runs are done; go on with `{command}`")
         raise
+
+
+def _resume_command(campaign: str, folder: Path, scheduler: str | None, workers: int | None, *, as_json: bool) -> str:
+    """Return the command that goes on with the campaign on the same workers, quoted for a shell."""
+    words = ["smadrive", "campaign", campaign, "-o", str(folder), "--resume"]
+    words += [] if scheduler is None else ["--scheduler", scheduler]
+    words += [] if workers is None else ["--workers", str(workers)]
+    return shlex.join([*words, "--json"] if as_json else words)

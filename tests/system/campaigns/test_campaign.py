@@ -30,7 +30,7 @@ def test_the_table_does_not_depend_on_workers_kills_and_interruptions(campaign):
     os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C in a terminal, which reaches the workers, too
     out, err = process.communicate()
     assert process.returncode == 130
-    assert "--resume" in err
+    assert "campaign.toml -o interrupted --resume --workers 2 --json`" in err
     assert "Traceback" not in err
     assert campaign.run("interrupted", "--resume", "--workers", "3")["sha256"] == whole["sha256"]
 
@@ -87,7 +87,7 @@ def test_a_campaign_goes_on_after_its_scheduler_was_killed(campaign, scheduler, 
     scheduler_process.kill()
     _, err = process.communicate()
     assert process.returncode == 3
-    assert "--resume" in err
+    assert f"--resume --scheduler {address}" in err
     assert "Traceback" not in err
     resumed = campaign.run("folder", "--resume")
     assert resumed["sha256"] == campaign.run("whole")["sha256"]

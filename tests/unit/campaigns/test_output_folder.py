@@ -1,13 +1,15 @@
-"""The output folder of a campaign: the copy of the campaign file, and folders that cannot be used."""
+"""The output folder of a campaign: the copy of the campaign file, the way to go on, and folders that cannot be used."""
 
 import errno
 import os
+import shlex
 
 import pytest
 
 from smadrive.campaigns.execution.journal import COPY, Journal
 from smadrive.campaigns.experiments.run import Effort, RunResult
-from smadrive.errors import DataError
+from smadrive.cli.campaign import main
+from smadrive.errors import ConfigError, DataError
 
 RESULT = RunResult({"rms_percent": 0.1}, Effort("", 1.0, 1.0, 0.0, "host:1"))
 
@@ -53,3 +55,15 @@ def test_resume_needs_a_campaign_and_creates_no_folder(short_campaign, tmp_path)
     with pytest.raises(DataError), Journal(tmp_path / "nothing", short_campaign(), resume=True):
         pass
     assert not (tmp_path / "nothing").exists()
+
+
+def test_interrupted_campaign_prints_the_command_that_goes_on(short_campaign, tmp_path):
+    plan, folder = short_campaign(name="my file.toml"), tmp_path / "my folder"
+    with Journal(folder, plan, resume=False) as journal:
+        journal.add(0, RESULT)
+    with pytest.raises(ConfigError) as caught:
+        main(str(plan.path), folder, resume=True, scheduler="nowhere", as_json=True)
+    (note,) = caught.value.__notes__
+    command = shlex.split(note.split("`")[1])
+    assert command[:5] == ["smadrive", "campaign", str(plan.path), "-o", str(folder)]
+    assert sorted(command[5:]) == ["--json", "--resume", "--scheduler", "nowhere"]
