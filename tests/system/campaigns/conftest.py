@@ -1,8 +1,6 @@
 """Campaigns of short tracking runs, as a user starts them."""
 
 import json
-import os
-import signal
 import socket
 import subprocess
 import sys
@@ -31,15 +29,18 @@ smooth = false
 worst_logs = 2
 """
 
+WORKERS_END_WITHIN_S = 30.0
+"""A worker whose command was killed may need this time to notice, s."""
+
 COMMAND = (sys.executable, "-m", "smadrive")
 WORKER = "multiprocessing.spawn"
 
 
 class Campaign:
-    """A campaign file in a folder, and commands that execute it."""
+    """A campaign file in a folder, and commands that execute it. `workers` are the workers that were seen so far."""
 
     def __init__(self, folder, wires):
-        self.folder, self.runs = folder, 2 * wires
+        self.folder, self.runs, self.workers = folder, 2 * wires, set()
         (folder / "campaign.toml").write_text(CAMPAIGN.format(wires=wires), encoding="utf-8")
 
     def start(self, output, *options):
@@ -68,27 +69,50 @@ class Campaign:
             time.sleep(0.05)
 
     def workers_of(self, process):
-        """Return the process ids of the workers of a command."""
-        return worker_pids(process.pid)
+        """Return the workers of a command that runs on this machine: at least one."""
+        found = workers_below(process.pid)
+        self.workers |= set(found)
+        assert found
+        return found
 
     def table(self, output):
         return pd.read_parquet(self.folder / output / "results.parquet")
 
 
-def worker_pids(pid):
-    """Return the process ids of the workers that the process `pid` has started, directly or not."""
+def workers_below(pid):
+    """Return the workers that the process `pid` has started, directly or not."""
     found = []
     for child in psutil.Process(pid).children(recursive=True):
         with suppress(psutil.Error):  # it has just ended
             if WORKER in str(child.cmdline()):
-                found.append(child.pid)
+                found.append(child)
     return found
+
+
+def left_of(workers):
+    """Wait until the workers have ended, and kill those that have not. Return these."""
+    waited = psutil.wait_procs(workers, timeout=WORKERS_END_WITHIN_S)[1]
+    left = [worker for worker in waited if is_alive(worker)]
+    for worker in left:
+        worker.kill()
+    return left
+
+
+def is_alive(process):
+    """Return True unless the process has ended. In a container, its entry may stay if process 1 reaps no orphan."""
+    try:
+        return process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
 
 
 @pytest.fixture
 def campaign(tmp_path):
+    """A campaign of 20 runs. At the end of the test, no worker that it has seen may be left."""
     exact_wire().save(tmp_path / "wire.json")
-    return Campaign(tmp_path, wires=10)
+    campaign = Campaign(tmp_path, wires=10)
+    yield campaign
+    assert left_of(campaign.workers) == []
 
 
 @pytest.fixture
@@ -101,12 +125,3 @@ def free_port():
             return one.getsockname()[1]
 
     return port
-
-
-@pytest.fixture(autouse=True)
-def _no_process_is_left():
-    yield
-    left = worker_pids(os.getpid())
-    for pid in left:
-        os.kill(pid, signal.SIGKILL)
-    assert not left

@@ -5,10 +5,12 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from distributed import Client
 
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.metrics.series import energy_j
 
 pytestmark = pytest.mark.exhaustive
 
@@ -20,13 +22,14 @@ def test_the_table_does_not_depend_on_workers_kills_and_interruptions(campaign):
     process = campaign.start("killed-worker", "--workers", "2")
     campaign.wait_for_runs(process, "killed-worker", 3)
     for worker in campaign.workers_of(process):
-        os.kill(worker, signal.SIGKILL)
+        worker.kill()
     out, err = process.communicate()
     assert process.returncode == 0, err
     assert whole["sha256"] in out
 
     process = campaign.start("interrupted", "--workers", "2")
     campaign.wait_for_runs(process, "interrupted", 3)
+    campaign.workers_of(process)
     os.killpg(process.pid, signal.SIGINT)  # as Ctrl-C in a terminal, which reaches the workers, too
     out, err = process.communicate()
     assert process.returncode == 130
@@ -36,6 +39,7 @@ def test_the_table_does_not_depend_on_workers_kills_and_interruptions(campaign):
 
     process = campaign.start("killed", "--workers", "2")
     campaign.wait_for_runs(process, "killed", 3)
+    campaign.workers_of(process)
     process.kill()
     process.communicate()
     assert campaign.run("killed", "--resume")["sha256"] == whole["sha256"]
@@ -47,8 +51,11 @@ def test_the_worst_logs_are_those_of_their_runs(campaign):
     numbers = list(map(int, result["log_files"]))
     assert numbers == list(table["rms_percent"].sort_values(ascending=False).index[:2])
     for number, path in result["log_files"].items():
-        log = read_log(campaign.folder / path)
-        assert log.column("time_s").size == table["ticks"][int(number)]
+        log, row = read_log(campaign.folder / path), table.loc[int(number)]
+        time_s, current_a, voltage_v = map(log.column, ("time_s", "current_a", "voltage_v"))
+        assert energy_j(time_s, current_a, voltage_v) == row["energy_j"]  # it differs if the noise does
+        assert np.nanmax(current_a) == row["current_max_a"]
+        assert time_s.size == row["ticks"]
         assert log.text("title").startswith(f"run {number} ")
     page = (campaign.folder / result["report_file"]).read_text()
     assert all(f"Run {number}: tracking" in page for number in numbers)
