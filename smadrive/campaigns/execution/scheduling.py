@@ -109,13 +109,17 @@ def naming_a_lost_scheduler() -> Iterator[None]:
 
 def _result_of(future: Future[RunResult]) -> RunResult:
     """Return the result of a run. An error that Dask reports in its place is a failure that is not final."""
-    from distributed.scheduler import KilledWorker  # noqa: PLC0415 (a command that needs no cluster must start at once)
-
     if future.status in ("cancelled", "lost"):
         raise CancelledError
     error: Any = future.exception() if future.status == "error" else None
     if error is None:
         return future.result()
-    text = "the workers that executed this run died" if isinstance(error, KilledWorker) else str(error)
     effort = Effort("", 0.0, 0.0, 0.0, "", str(error))
-    return RunResult(outcome_row("failed", error, text), effort, is_final=False)
+    return RunResult(outcome_row("failed", error, error_text(error)), effort, is_final=False)
+
+
+def error_text(error: Exception) -> str:
+    """Return the text of an error that Dask reports in place of the result of a run."""
+    from distributed.scheduler import KilledWorker  # noqa: PLC0415 (a command that needs no cluster must start at once)
+
+    return "the workers that executed this run died" if isinstance(error, KilledWorker) else str(error)

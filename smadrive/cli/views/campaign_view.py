@@ -87,7 +87,8 @@ def print_summary(output: Output, plan: CampaignPlan, result: CampaignResult) ->
     if len(rows) > MOST_ROWS:
         output.say(f"the table shows {MOST_ROWS} of {len(rows)} rows; the report shows the others")
     output.warn(_failures(result))
-    output.say(f"report: {result.report_file}   logs of the worst runs: {len(result.logs)}")
+    output.warn(f"no log of run {number}: {reason}" for number, reason in result.logs.missing.items())
+    output.say(f"report: {result.report_file}   logs of the worst runs: {len(result.logs.files)}")
     output.say(f"table: {result.table_file}   SHA-256 {result.digest}")
 
 
@@ -118,5 +119,6 @@ def result_object(plan: CampaignPlan, result: CampaignResult) -> dict[str, Any]:
         "table_file": str(result.table_file),
         "sha256": result.digest,
         "report_file": str(result.report_file),
-        "log_files": {str(number): str(path) for number, path in result.logs.items()},
+        "log_files": {str(number): str(path) for number, path in result.logs.files.items()},
+        "missing_logs": {str(number): reason for number, reason in result.logs.missing.items()},
     }
