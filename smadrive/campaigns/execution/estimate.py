@@ -2,8 +2,9 @@
 
 The time of a run is estimated as its number of ticks times the time of one tick. The time of one tick is measured
 before the start, on the rig of the first run that can be driven; without such a run, a tick counts as `TYPICAL_TICK_S`.
-A fit counts as a fixed number of ticks, and the smoothing of a reference as a fixed number of ticks per tick of the
-run; both were measured once.
+A fit counts as a number of ticks that depends on its kind, because a search for memory takes far longer than a fit
+without memory; the length of the record hardly matters. The smoothing of a reference counts as a fixed number of ticks
+per tick of the run. These numbers were measured once.
 
 A run that cannot be driven is no error here. It becomes a failed row, which the other runs do not depend on.
 """
@@ -19,6 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smadrive.campaigns.experiments.references import typical_reference
+from smadrive.campaigns.experiments.run import needs_identification
 from smadrive.campaigns.experiments.simulated_rig import TRACKING, SimulatedRig
 from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.control.controllers.step import ConstantCurrentController
@@ -30,10 +32,16 @@ PROBE_S = 5.0
 """Length of the simulated run that measures the time of one tick, s."""
 
 TYPICAL_TICK_S = 3e-4
-"""The processor time of one tick where it cannot be measured, and for a campaign that only fits records, s."""
+"""The processor time of one tick where it cannot be measured, s."""
 
-FIT_TICKS, MEMORY_TICKS, RANDOM_TICKS = 12_000, 75_000, 25_000
-"""The time of a fit, in ticks: without memory, of a Preisach wire, and the mean over wires of random kind."""
+DUHEM_TICKS, RULES_TICKS, PLANE_TICKS = 4_000, 12_000, 30_000
+"""The time of a fit, in ticks: of a Duhem model, of fuzzy rules, and of rules with a memory of a given size."""
+
+MEMORY_TICKS, RANDOM_TICKS = 75_000, 25_000
+"""The same if the record decides on the memory: for a Preisach wire, and the mean over wires of unknown kind.
+
+For a wire without memory, it is that of fuzzy rules.
+"""
 
 SMOOTHING_TICKS = 1.5
 """The time of the simulation that smooths a reference, in ticks per tick of the run."""
@@ -53,12 +61,25 @@ SPARE = 2.0
 
 
 class CampaignEstimate(NamedTuple):
-    """The estimated work of a campaign: number of runs and identifications, time on one core, bytes on the disk."""
+    """The estimated work of a campaign.
+
+    runs              number of runs
+    identifications   number of identifications that these runs share
+    ticks             processor time in ticks
+    tick_s            processor time of one tick, s
+    disk_bytes        bytes on the disk
+    """
 
     runs: int
     identifications: int
-    core_s: float
+    ticks: float
+    tick_s: float
     disk_bytes: float
+
+    @property
+    def core_s(self) -> float:
+        """The time on one core, s."""
+        return self.ticks * self.tick_s
 
 
 def estimated(plan: CampaignPlan, groups: list[list[int]]) -> CampaignEstimate:
@@ -71,18 +92,15 @@ def estimated(plan: CampaignPlan, groups: list[list[int]]) -> CampaignEstimate:
     sampled = [
         plan.run(numbers[place]) for place in np.linspace(0, len(numbers) - 1, min(100, len(numbers)), dtype=int)
     ]
-    first = sampled[0]
-    identifies = first.settings.experiment != "fit" and first.settings.model is None
+    experiment, identifies = sampled[0].settings.experiment, needs_identification(sampled[0])
     identifications = len(groups) if identifies else 0
     identifying = _mean(_identification_ticks, sampled) if identifies else 0.0
-    if first.settings.experiment == "fit":
-        per_tick_s, tracking = TYPICAL_TICK_S, float(FIT_TICKS)
-    else:
-        per_tick_s, tracking = tick_s(sampled), _mean(_tracking_ticks, sampled)
-    logged = min(plan.config.report.worst_logs, plan.count) if first.settings.experiment == "track" else 0
-    ticks = len(left) * tracking + identifications * identifying + logged * (tracking + identifying)
-    disk_bytes = len(left) * ROW_BYTES + logged * (tracking * TICK_BYTES + LOG_BYTES) + PAGE_BYTES
-    return CampaignEstimate(len(left), identifications, per_tick_s * ticks, disk_bytes)
+    executing = _mean(_fit_ticks if experiment == "fit" else _tracking_ticks, sampled)
+    logged = min(plan.config.report.worst_logs, plan.count) if experiment == "track" else 0
+    ticks = len(left) * executing + identifications * identifying + logged * (executing + identifying)
+    log_bytes = _mean(_driven_ticks, sampled) * TICK_BYTES + LOG_BYTES if logged else 0.0
+    disk_bytes = len(left) * ROW_BYTES + logged * log_bytes + PAGE_BYTES
+    return CampaignEstimate(len(left), identifications, ticks, tick_s(sampled), disk_bytes)
 
 
 def check_disk(folder: Path, estimate: CampaignEstimate) -> None:
@@ -136,19 +154,33 @@ def _identification_ticks(run: PlannedRun) -> float:
     return rig.rate_hz * excitation_path(rig.excitation, ambient_c).duration_s + _fit_ticks(run)
 
 
-def _fit_ticks(run: PlannedRun) -> int:
-    wire, fit = run.settings.wire, run.settings.fit
-    if fit.kind == "duhem" or fit.memory == 1:
-        return FIT_TICKS
-    kind = run.documents.sim.transformation.kind if wire.seed is None else wire.kind
-    return RANDOM_TICKS if kind is None else MEMORY_TICKS if kind == "preisach" else FIT_TICKS
+def _fit_ticks(run: PlannedRun) -> float:
+    fit = run.settings.fit
+    if fit.kind == "duhem":
+        return DUHEM_TICKS
+    if fit.memory is not None:
+        return RULES_TICKS if fit.memory == 1 else PLANE_TICKS
+    kind = _wire_kind(run)
+    return RANDOM_TICKS if kind is None else MEMORY_TICKS if kind == "preisach" else RULES_TICKS
+
+
+def _wire_kind(run: PlannedRun) -> str | None:
+    """Return the kind of hysteresis of the wire, or None if it is random, or if the run fits the record of a user."""
+    if run.settings.experiment == "fit":
+        return None
+    return run.documents.sim.transformation.kind if run.settings.wire.seed is None else run.settings.wire.kind
 
 
 def _tracking_ticks(run: PlannedRun) -> float:
     if run.reference is None or run.settings.experiment != "track":
         return 0.0
-    ticks = run.documents.rig.rate_hz * (_reference_s(run) + APPROACH_S)
-    return ticks * (1.0 + SMOOTHING_TICKS * run.reference.smooth) + SETUP_TICKS
+    ticks = _driven_ticks(run) * (1.0 + SMOOTHING_TICKS * run.reference.smooth) + SETUP_TICKS
+    return ticks + DUHEM_TICKS if run.settings.controller == "duhem-inverse" else ticks
+
+
+def _driven_ticks(run: PlannedRun) -> float:
+    """Return the number of ticks in which the run tracks its reference, which are those of its log."""
+    return run.documents.rig.rate_hz * (_reference_s(run) + APPROACH_S)
 
 
 def _reference_s(run: PlannedRun) -> float:

@@ -2,8 +2,10 @@
 
 import pytest
 
-from smadrive.campaigns.execution.estimate import TYPICAL_TICK_S, check_disk, estimated, tick_s
+from smadrive.campaigns.execution.estimate import DUHEM_TICKS, TYPICAL_TICK_S, check_disk, estimated, tick_s
 from smadrive.campaigns.execution.scheduling import groups_of
+from smadrive.campaigns.experiments.run import logged_run
+from smadrive.campaigns.plan.plan import load_plan
 from smadrive.errors import DataError
 
 
@@ -15,11 +17,52 @@ def test_the_estimate_grows_with_the_runs_and_their_length(short_campaign):
     plan = short_campaign(vary="[[vary]]\nrepeats = 5\n")
     all_runs, rest = estimate_of(plan), estimate_of(plan, done=range(5))
     assert (all_runs.runs, rest.runs, all_runs.identifications) == (10, 5, 0)
-    assert 0.0 < rest.core_s < all_runs.core_s
+    assert 0.0 < rest.ticks < all_runs.ticks
     assert rest.disk_bytes < all_runs.disk_bytes
     logs_alone = estimate_of(plan, done=range(10))
     assert logs_alone.runs == 0
-    assert 0.0 < logs_alone.core_s < rest.core_s
+    assert 0.0 < logs_alone.ticks < rest.ticks
+    assert all_runs.core_s == all_runs.ticks * all_runs.tick_s > 0.0
+
+
+FIT = """title = "reel"
+[run]
+experiment = "fit"
+record = "a.csv"
+{fit}
+"""
+
+
+def ticks_of_fit(folder, fit):
+    (folder / "fit.toml").write_text(FIT.format(fit=fit))
+    return estimate_of(load_plan(str(folder / "fit.toml"))).ticks
+
+
+def test_fit_that_searches_for_memory_takes_longer(tmp_path):
+    kinds = ('fit.kind = "duhem"', "fit.memory = 1", "", "fit.memory = 5")
+    duhem, rules, search, plane = (ticks_of_fit(tmp_path, fit) for fit in kinds)
+    assert rules > 2 * duhem
+    assert plane > search > 2 * rules
+
+
+def test_second_fit_of_a_controller_counts(short_campaign):
+    controllers = ("inverse", "duhem-inverse")
+    plans = [short_campaign(run=f'controller = "{one}"', model="") for one in controllers]
+    inverse, duhem = (estimate_of(plan) for plan in plans)
+    runs_and_logs = 2 * inverse.runs
+    assert duhem.ticks - inverse.ticks == pytest.approx(runs_and_logs * DUHEM_TICKS)
+
+
+def test_space_of_the_logs_is_that_of_their_ticks(short_campaign):
+    """The smoothing takes time, but no space."""
+    one_log, axis = "[report]\nworst_logs = 1\n", '[[vary]]\nreference = ["{}"]\n'
+    smoothed = '[references.smoothed]\nshape = "trapezoid:rise_s=3,dwell_s=1,cycles=0.5"\n'
+    plain, slow = (short_campaign(vary=axis.format(name), more=smoothed + one_log) for name in ("up", "smoothed"))
+    assert estimate_of(slow).ticks > 1.5 * estimate_of(plain).ticks
+    assert estimate_of(slow).disk_bytes == estimate_of(plain).disk_bytes
+    without = short_campaign(more="[report]\nworst_logs = 0\n")
+    log_bytes = estimate_of(plain).disk_bytes - estimate_of(without).disk_bytes
+    assert 0.5 < log_bytes / len(logged_run(plain.run(0))) < 2.0
 
 
 def test_a_shape_may_have_blanks(short_campaign):
