@@ -75,6 +75,11 @@ class Heater:
         """Period in seconds of a separate thermometer; 0 when every exchange measures the temperature."""
         return 0.0 if self._thermometer is None else self._thermometer.period_s
 
+    @property
+    def has_temperature_limit(self) -> bool:
+        """True if the heat source itself measures the temperature of the wire and switches off above its limit."""
+        return self._thermometer is None and self.source.has_temperature_limit
+
     def connect(self) -> Measurement:
         """Prove the identity of every device, write its safe state, and return a measurement. Nothing is armed."""
         self.source.connect()

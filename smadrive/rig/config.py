@@ -22,7 +22,8 @@ class DeviceConfig(Section):
     """One device of the rig: its address, its profile, and its use.
 
     measures        quantities that the rig takes from this device; by default all for which the profile has a register
-    rate_hz         rate at which a sensor is read; by default at every tick, but never faster than the sensor converts
+    rate_hz         rate at which a sensor is read; by default at every tick, and never faster than the loop runs or
+                    the sensor converts
     full_scale_a    for a board that is commanded by duty: current in A through this wire at 100 %
     full_scale_v    for a board that is commanded by duty: voltage in V at this wire at 100 %
     """

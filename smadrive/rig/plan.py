@@ -134,8 +134,12 @@ def _sensors(
 
 
 def _sensor(device: PlannedDevice, quantity: str, config: RigConfig) -> PlannedSensor:
-    """Return the sensor, read at its `rate_hz` or else the loop's, but never faster than the device converts."""
-    period_s = max(1.0 / (device.config.rate_hz or config.rate_hz), device.profile.timing.update_ms / 1e3)
+    """Return the sensor, read at its `rate_hz` or else the loop's.
+
+    It is never read faster than the loop runs, because the loop reads it, or than the device converts.
+    """
+    rate_hz = min(device.config.rate_hz or config.rate_hz, config.rate_hz)
+    period_s = max(1.0 / rate_hz, device.profile.timing.update_ms / 1e3)
     return PlannedSensor(device, quantity, period_s, max(config.limits.stale_after_s, STALE_PERIODS * period_s))
 
 

@@ -76,7 +76,7 @@ def supervisor(
 
     ConfigError if the wire can overheat between two temperature readings.
     """
-    _check_thermometer(config, heater.temperature_period_s, balance)
+    _check_thermometer(config, heater, balance)
     lag_s = LAG_FACTOR * balance.thermocouple_lag_s
     limits = _safety_limits(config, heater.source.settle_s, lag_s)
     band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s + heater.temperature_period_s, last)
@@ -114,14 +114,20 @@ def _safety_limits(config: RigConfig, settle_s: float, lag_s: float) -> SafetyLi
     )
 
 
-def _check_thermometer(config: RigConfig, period_s: float, balance: HeatBalance) -> None:
-    """Raise ConfigError if the wire can overheat between two temperature readings."""
-    most_s = SAMPLED * balance.time_constant_s
+def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) -> None:
+    """Raise ConfigError if the wire can overheat between two temperature readings.
+
+    The loop reads the temperature at most once per period. A heat source with a temperature limit of its own needs no
+    reading of the loop: it compares its measurements with this limit itself.
+    """
+    if heater.has_temperature_limit:
+        return
+    period_s, most_s = max(heater.temperature_period_s, 1.0 / config.rate_hz), SAMPLED * balance.time_constant_s
     if period_s > most_s:
         raise ConfigError(
             f"the wire, of time constant {balance.time_constant_s:.2g} s, can overheat between two readings",
             where=f"rig '{config.name}'",
             value=f"read every {distinct(period_s, most_s)} s",
             limit=f"{distinct(most_s, period_s)} s",
-            cure="raise the device's rate_hz, or use a faster thermometer",
+            cure="raise rate_hz of the rig, and of the thermometer if it has one, or use a faster thermometer",
         )

@@ -58,6 +58,7 @@ class HeaterBoard(DeviceSource[Device]):
 
     measures = frozenset(("temperature", "displacement"))
     has_watchdog = True
+    has_temperature_limit = True
 
     def __init__(self, device: Device, clock: Clock) -> None:
         """Nothing is sent yet."""

@@ -76,6 +76,8 @@ class HeatSource(Protocol):
     """The quantities that the source itself measures: temperature, displacement, both or none."""
     has_watchdog: bool
     """True if the source switches off by itself when no new command arrives."""
+    has_temperature_limit: bool
+    """True if the source switches off by itself when the temperature that it measures exceeds `temperature_max_c`."""
     settle_s: float
     """Time in seconds that the output takes to reach a new command."""
 

@@ -35,6 +35,7 @@ class BenchSupply(DeviceSource[Device]):
 
     measures: frozenset[str] = frozenset()
     has_watchdog = False
+    has_temperature_limit = False
 
     def __init__(self, device: Device) -> None:
         """Nothing is sent yet."""

@@ -41,6 +41,7 @@ class TCLab(DeviceSource[TCLabBoard]):
 
     measures = frozenset(("temperature",))
     has_watchdog = False
+    has_temperature_limit = False
 
     def __init__(self, board: TCLabBoard, full_scale_a: float, full_scale_v: float) -> None:
         """Nothing is sent yet."""

@@ -73,6 +73,11 @@ def test_sensor_is_read_no_faster_than_it_converts():
     assert plan(SUPPLY, READER, stale_after_s=0.1).sensors[0].stale_s == 3 * slow.period_s
 
 
+def test_sensor_is_read_no_faster_than_the_loop_runs():
+    (_, laser) = plan(SUPPLY, READER, LASER | {"rate_hz": 10.0}, rate_hz=2.0).sensors
+    assert laser.period_s == 0.5
+
+
 def test_guardian_watches_a_source_without_a_watchdog():
     task = plan(SUPPLY, READER, watchdog_s=1.5).guardian
     assert (task.device.profile, task.device.url, task.timeout_s) == ("riden-rd60xx", "serial:///dev/a", 1.5)
