@@ -32,6 +32,10 @@ CONTRADICTS_S = 2.0
 SAMPLED = 0.5
 """Longest time between two temperature readings, as a fraction of the wire's time constant."""
 
+FRESH, FRESH_PERIODS = 0.25, 1.5
+"""A displacement is fresh up to this fraction of the wire's time constant, and at least for this number of periods of
+the loop: then one lost reply of a sensor that is read in every period does not make its displacement old."""
+
 CURRENT_TOLERANCE_A = 0.05
 """Largest difference between measured and commanded current in amperes, but at most a tenth of current_max_a."""
 
@@ -78,7 +82,8 @@ def supervisor(
     """
     _check_thermometer(config, heater, balance)
     lag_s = LAG_FACTOR * balance.thermocouple_lag_s
-    limits = _safety_limits(config, heater.source.settle_s, lag_s)
+    fresh_s = max(FRESH * balance.time_constant_s, FRESH_PERIODS / config.rate_hz)
+    limits = _safety_limits(config, heater.source.settle_s, lag_s, fresh_s)
     band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s + heater.temperature_period_s, last)
     if checks is None:
         return Supervisor(limits, band)
@@ -97,7 +102,7 @@ def stale_after_s(config: RigConfig) -> float:
     return max(config.limits.stale_after_s, STALE_PERIODS / config.rate_hz)
 
 
-def _safety_limits(config: RigConfig, settle_s: float, lag_s: float) -> SafetyLimits:
+def _safety_limits(config: RigConfig, settle_s: float, lag_s: float, fresh_s: float) -> SafetyLimits:
     limits = config.limits
     return SafetyLimits(
         limits.temperature_max_c,
@@ -111,6 +116,7 @@ def _safety_limits(config: RigConfig, settle_s: float, lag_s: float) -> SafetyLi
         tracking_max_mm=limits.tracking_max_mm or inf,
         tracking_for_s=limits.tracking_for_s,
         contradicts_for_s=CONTRADICTS_S + lag_s,
+        displacement_fresh_s=fresh_s,
     )
 
 

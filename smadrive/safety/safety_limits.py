@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, nan
 
 from smadrive.measurement import Measurement
 
@@ -26,6 +26,7 @@ class SafetyLimits:
                           displacement with a limit may be unknown in a run
     contradicts_for_s     longest time for which displacement or resistance may contradict the reading, because the
                           thermocouple lags, s; the displacement may never be beyond the travel of the model
+    displacement_fresh_s  greatest age of a displacement that still shows how hot the wire is, s
     """
 
     temperature_max_c: float
@@ -39,11 +40,21 @@ class SafetyLimits:
     tracking_max_mm: float = inf
     tracking_for_s: float = 2.0
     contradicts_for_s: float = 2.0
+    displacement_fresh_s: float = 0.5
 
     @property
     def has_displacement(self) -> bool:
         """True if a limit needs the displacement."""
         return any(map(isfinite, (self.displacement_min_mm, self.displacement_max_mm, self.tracking_max_mm)))
+
+    def without_old_displacement(self, measurement: Measurement) -> Measurement:
+        """Return the measurement. Its displacement is NaN if it is older than `displacement_fresh_s`, or of unknown age.
+
+        The wire may have become hot since an old displacement was read.
+        """
+        if measurement.displacement_age_s <= self.displacement_fresh_s:
+            return measurement
+        return measurement._replace(displacement_mm=nan)
 
     def device_faults(self, measurement: Measurement) -> tuple[str, str | None]:
         """Return the latched faults of the device as text, and the limit of the rig that belongs to them.

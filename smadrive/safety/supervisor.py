@@ -2,7 +2,8 @@
 
 The supervisor latches the first fault. It debounces conditions that noise can cause: these become a fault only when
 several of the latest samples show them. A missing displacement or current counts neither way, so a sensor that reads
-only now and then is still checked. Late, wrong and missing data are faults, too.
+only now and then is still checked. Late, wrong and missing data are faults, too. The limits of the displacement apply
+to its last reading; compared with temperature, heat or resistance, an old displacement counts as not measured.
 """
 
 from __future__ import annotations
@@ -50,19 +51,17 @@ class Supervisor:
         self._by_resistance = by_resistance
         self._trusts_sensor = trusts_sensor
         self.trip: Trip | None = None
-        self._hot, self._overheated = Debounce(2, 3), Debounce(2, 3)
+        self._hot, self._overheated, self._frozen = Debounce(2, 3), Debounce(2, 3), Debounce(2, 3)
         self._cold, self._invalid, self._powerless = Debounce(3, 5), Debounce(3, 5), Debounce(3, 5)
         self._power_w = 0.0
         self._disarmed = Debounce(2, 2)
         self._mismatch = Debounce(4, 5)
-        self._implausible = Debounce(3, 4)
-        self._frozen = Debounce(2, 3)
+        self._implausible, self._beyond_travel = Debounce(3, 4), Debounce(3, 4)
         self._strayed = Debounce(3, 5)
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
         self._not_following, self._displacement_unknown = Persistence(), Persistence()
         self._contradicting = Persistence()
-        self._beyond_travel = Debounce(3, 4)
         self._late_ticks = 0
 
     def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
@@ -77,11 +76,12 @@ class Supervisor:
         self._check_temperature(measurement)
         self._check_current(measurement)
         self._check_power(measurement)
-        contradiction = self._contradiction(measurement)
-        self._check_temperature_band(measurement, contradiction)
+        fresh = self._limits.without_old_displacement(measurement)
+        contradiction = self._contradiction(fresh)
+        self._check_temperature_band(fresh, contradiction)
         self._check_displacement(measurement, setpoint_mm)
-        self._check_contradiction(measurement, contradiction)
-        self._check_resistance_band(measurement)
+        self._check_contradiction(fresh, contradiction)
+        self._check_resistance_band(fresh)
         return self.trip
 
     def check_fresh(self, now_s: float) -> Trip | None:
@@ -109,7 +109,7 @@ class Supervisor:
         check_may_arm(measurement, self._limits, self._contradiction(measurement))
         if self._temperature_band is not None:
             least_c = self._temperature_band.start(measurement.temperature_c, measurement.time_s)
-            if not self._is_cool(measurement, inf):
+            if not self._is_cool(self._limits.without_old_displacement(measurement), inf):
                 check_cooled(measurement, least_c)
 
     @property

@@ -318,10 +318,10 @@ def test_sensor_without_its_zero_prevents_arming(band):
     assert error.value.cure == Fault.DISPLACEMENT_IMPLAUSIBLE.remedy
 
 
-def in_a_draft(displacement_mm, temperature_c=80.0, missing=(), **options):
+def in_a_draft(displacement_mm, temperature_c=80.0, missing=(), age_s=0.0, **options):
     """Return the fault of a wire that is held at 80 °C in a draft of 2.5 times the identified convection.
 
-    The displacement is `missing` in the samples of these numbers.
+    The displacement is `missing` in the samples of these numbers, and `age_s` old in the others.
     """
     balance = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
     model = DuhemModel.gaussian(
@@ -333,7 +333,7 @@ def in_a_draft(displacement_mm, temperature_c=80.0, missing=(), **options):
     for n in range(400):
         reading_c = min(22.0 + n, temperature_c + 0.01 * (n % 2))
         shown_mm = nan if n in missing else displacement_mm if n > 40 else 0.0
-        one = sample(n, reading_c, current_a, current_a, displacement_mm=shown_mm)
+        one = sample(n, reading_c, current_a, current_a, displacement_mm=shown_mm, displacement_age_s=age_s)
         if trip := supervisor.update(one, nan):
             return trip.fault
     return None
@@ -356,6 +356,32 @@ def test_displacement_proves_that_a_wire_in_a_draft_is_not_too_hot():
 
 def test_missing_displacement_neither_confirms_nor_ends_a_fault_by_the_heat_input():
     assert in_a_draft(6.0, missing={200}) is None
+
+
+@pytest.mark.parametrize(("share", "fault"), [(0.9, None), (1.1, Fault.READS_TOO_COLD), (nan, Fault.READS_TOO_COLD)])
+def test_old_displacement_proves_nothing(share, fault):
+    assert in_a_draft(6.0, age_s=share * LIMITS.displacement_fresh_s) is fault
+
+
+def test_old_displacement_contradicts_no_reading_but_has_limits(band):
+    aged = {"temperature_c": 115.0, "displacement_mm": 0.0, "displacement_age_s": 2.0 * LIMITS.displacement_fresh_s}
+    samples = [sample(n, **aged) for n in range(200)]
+    assert trips_after(samples, band=band) is None
+    limits = replace(LIMITS, displacement_min_mm=1.0)
+    assert trips_after(samples, limits, band=band) == (3, Fault.OVER_DISPLACEMENT)
+
+
+def test_old_displacement_does_not_excuse_a_cold_reading_after_a_run(band):
+    balance = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
+    hot = TemperatureBand(balance, IDENTIFIED, 0.5)
+    hot.start(22.0, 0.0)
+    for n in range(1, 100):
+        hot.update(22.0, 2.0, 0.05 * n)
+    off = {"temperature_c": 22.0, "current_a": 0.0, "in_force_a": 0.0, "displacement_mm": 0.0}
+    again = [Supervisor(LIMITS, TemperatureBand(balance, IDENTIFIED, 0.5, hot.heated), band) for _ in range(2)]
+    again[0].check_may_arm(sample(100, **off))
+    with pytest.raises(SafetyError):
+        again[1].check_may_arm(sample(100, **off, displacement_age_s=2.0 * LIMITS.displacement_fresh_s))
 
 
 def test_displacement_of_a_sensor_that_is_not_trusted_counts_as_not_measured(band):
