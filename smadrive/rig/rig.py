@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -20,8 +21,7 @@ from smadrive.devices.identity import DeviceType, TypeCheck
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.latch import TripLatch
 from smadrive.devices.stopping.listener import StopListener
-from smadrive.errors import ConfigError, SafetyError
-from smadrive.files.number_text import distinct
+from smadrive.errors import SafetyError
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.modbus.transports.transport import Transport
@@ -32,8 +32,8 @@ from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_excitation_time, check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, excitation_path, tracking_controller
 from smadrive.rig.plan import plan_rig
-from smadrive.rig.sensing_checks import check_sensing, check_sensor
-from smadrive.rig.supervision import WireChecks, supervisor, wire_checks
+from smadrive.rig.sensing_checks import check_sensing, check_sensor, usable_wire
+from smadrive.rig.supervision import WireChecks, check_rate, supervisor, wire_checks
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
 from smadrive.safety.temperature_band import Heated
@@ -41,9 +41,6 @@ from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
-
-RATE_EXCHANGES = 4
-"""Number of exchanges that are timed before the loop starts, to check that the devices keep up with its rate."""
 
 
 class Rig:
@@ -90,6 +87,8 @@ class Rig:
             opened = open_devices(self._plan, stack, self.stop, self._clock, self._transports, self._trace_folder)
             self.heater, self.devices, self.clock = opened.heater, opened.by_name, opened.clock
             self.heater.connect()
+            source = self._plan.source
+            self._source = replace(source, profile=self.devices[source.name].profile)  # that of the proved model
             self.latch = TripLatch(opened.key())
             stack.enter_context(ends_safe(self.heater.enter_safe_state))
             self._on_exit = stack.pop_all()
@@ -159,7 +158,7 @@ class Rig:
         `record` is called with every tick. A jump of the resistance away from `expected` is a fault.
         `displacement_from` replaces the source of the displacement in the rig file.
         """
-        source = displacement_from or self.config.displacement_from
+        source, wire = displacement_from or self.config.displacement_from, self.usable(wire)
         controller = tracking_controller(self.config, reference, wire, inverse, source)
         checks = wire_checks(wire, source, expected, controller.trusts_sensor)
         return self.drive(controller, wire.balance, record, checks)
@@ -180,13 +179,19 @@ class Rig:
         stop_requested  called before every exchange; the run ends when it returns True
         """
         self.check_balance(balance)
+        if checks is not None:
+            checks = checks._replace(wire=self.usable(checks.wire))
         return self._run(controller, balance, checks, record, stop_requested)
+
+    def usable(self, wire: WireModel) -> WireModel:
+        """Return the wire for runs on this rig: without its resistance if the heat source cannot measure it."""
+        return usable_wire(wire, self._source)
 
     def check_sensing(
         self, wire: WireModel, displacement_from: DisplacementFrom, temperature_c: float
     ) -> tuple[str, ...]:
         """Return warnings about the sensors; ConfigError if the rig cannot use this source (sensing_checks.py)."""
-        return (*self.caveats, *check_sensing(displacement_from, self._plan.source, wire, temperature_c))
+        return (*self.caveats, *check_sensing(displacement_from, self._source, wire, temperature_c))
 
     def check_chosen(self, wire: WireModel, chosen: DisplacementFrom, temperature_c: float) -> tuple[str, ...]:
         """Return the warnings of `check_sensing`; ConfigError, too, if `chosen` is a sensor that the rig lacks."""
@@ -225,23 +230,8 @@ class Rig:
         heater, clock, period_s = self.heater, self.clock, self.period_s
         loop = ControlLoop(heater, controller, judge, clock, period_s, record, stop_requested, self.latch.latch)
         with real_time_scheduling() if isinstance(clock, MonotonicClock) else nullcontext():
-            self._check_rate()
+            check_rate(self.config, heater, clock)
             try:
                 return loop.run(self.config.limits.watchdog_s)
             finally:
                 self._heated = judge.heated
-
-    def _check_rate(self) -> None:
-        """Raise ConfigError if the devices cannot keep up with the rig's rate."""
-        begun_s = self.clock.now_s()
-        for _ in range(RATE_EXCHANGES):
-            self.measure()
-        needed_s = (self.clock.now_s() - begun_s) / RATE_EXCHANGES
-        if needed_s > self.period_s:
-            raise ConfigError(
-                "the devices are too slow for rate_hz",
-                where=self._where,
-                value=f"{distinct(needed_s, self.period_s)} s per tick",
-                limit=f"{distinct(self.period_s, needed_s)} s",
-                cure=f"set rate_hz to {0.8 / needed_s:.2g}",
-            )

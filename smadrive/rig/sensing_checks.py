@@ -1,8 +1,12 @@
-"""Checks, before the wire is heated, whether the resistance can replace the displacement sensor on this rig.
+"""Checks, before the wire is heated, whether the rig can use the resistance of the wire.
 
-The device that heats must measure current and voltage. Its resolution limits the displacement: a quantum q makes an
-error of up to q/2, and while the current is steady, this error does not average out. In the middle of the cooling
-branch, held by the current I at the voltage U, the error of the displacement is up to
+The resistance replaces a displacement sensor, and it checks the thermocouple. For both, the device that heats must
+measure current and voltage. A voltage that is computed from the current gives the same resistance at every temperature,
+which looks like that of a cold wire. If the device cannot measure the resistance, the wire is used without it.
+
+The resolution of the device limits the displacement: a quantum q makes an error of up to q/2, and while the current is
+steady, this error does not average out. In the middle of the cooling branch, held by the current I at the voltage U,
+the error of the displacement is up to
 
     (q_U / 2U + q_I / 2I) R / |dR/dξ|  strokes
 
@@ -25,8 +29,11 @@ from smadrive.wire.wire_model import WireModel
 KEY = "displacement_from"
 
 COARSE, TOO_COARSE = 0.02, 0.1
-"""Bounds of the error by the resolution, in strokes. A run above `COARSE` gets a warning, a run above `TOO_COARSE` is
-refused."""
+"""Bounds of the error by the resolution, in strokes.
+
+A run by resistance gets a warning above `COARSE`. Above `TOO_COARSE` it is refused, and other runs do not use the
+resistance.
+"""
 
 
 def check_sensing(
@@ -37,8 +44,11 @@ def check_sensing(
     `source` is the device that heats, `temperature_c` the present temperature of the wire. ConfigError if the
     displacement cannot come from the resistance.
     """
+    problem = None if wire.resistance is None else _unusable(source, wire, wire.resistance)
     if chosen is not DisplacementFrom.RESISTANCE:
-        return ()
+        return () if problem is None or chosen is DisplacementFrom.NONE else (_unused_text(problem),)
+    if problem is not None:
+        raise problem
     if wire.resistance is None:
         raise ConfigError(
             "the model file has no resistance",
@@ -47,8 +57,14 @@ def check_sensing(
             cure="identify the wire again, from a log of `smadrive excite` with a displacement sensor; "
             "`smadrive identify` says why if the resistance cannot be used",
         )
-    _check_measured(source)
     return *_resolution_caveats(source, wire, wire.resistance), *_lead_caveats(wire, wire.resistance, temperature_c)
+
+
+def usable_wire(wire: WireModel, source: PlannedDevice) -> WireModel:
+    """Return the wire, but without its resistance if `source`, the device that heats, cannot measure the resistance."""
+    if wire.resistance is None or _unusable(source, wire, wire.resistance) is None:
+        return wire
+    return WireModel(wire.model, wire.balance)
 
 
 def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
@@ -62,14 +78,30 @@ def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
         )
 
 
-def _check_measured(source: PlannedDevice) -> None:
+def _unusable(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> ConfigError | None:
+    """Return the reason why `source` cannot measure the resistance of the wire, as an error; None if it can."""
     roles = source.profile.roles
     if roles.measured_current is None or roles.measured_voltage is None:
-        raise ConfigError(
+        return ConfigError(
             f"'{source.config.profile}' does not measure current and voltage, so the resistance is unknown",
             where=source.where,
             cure=f'set {KEY} = "sensor" or "none"',
         )
+    error = resolution_error(wire, resistance, *resolution(source.profile))
+    if error <= TOO_COARSE:
+        return None
+    return ConfigError(
+        "current and voltage are measured too coarsely for the displacement by the resistance",
+        where=source.where,
+        value=f"up to {distinct(100 * error, 100 * TOO_COARSE)} % of the stroke by its resolution",
+        limit=f"{distinct(100 * TOO_COARSE, 100 * error)} %",
+        cure="use a device with a finer resolution, or a displacement sensor",
+    )
+
+
+def _unused_text(problem: ConfigError) -> str:
+    facts = "" if problem.value is None else f" ({problem.value}, limit {problem.limit})"
+    return f"the resistance in the model file is not used: {problem.what}{facts}"
 
 
 def resolution(profile: Profile) -> tuple[float, float]:
@@ -82,14 +114,6 @@ def resolution(profile: Profile) -> tuple[float, float]:
 
 def _resolution_caveats(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
     error = resolution_error(wire, resistance, *resolution(source.profile))
-    if error > TOO_COARSE:
-        raise ConfigError(
-            "current and voltage are measured too coarsely for the displacement by the resistance",
-            where=source.where,
-            value=f"up to {distinct(100 * error, 100 * TOO_COARSE)} % of the stroke by its resolution",
-            limit=f"{distinct(100 * TOO_COARSE, 100 * error)} %",
-            cure="use a device with a finer resolution, or a displacement sensor",
-        )
     if error < COARSE:
         return ()
     return (f"the resolution of {source.where} alone makes an error of up to {100 * error:.1f} % of the stroke",)

@@ -1,4 +1,4 @@
-"""The supervisor of a run, created from rig file, heater, heat balance and model."""
+"""The supervisor of a run, created from rig file, heater, heat balance and model, and the check of the loop's rate."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
+from smadrive.clock import Clock
 from smadrive.devices.heater import Heater
 from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.errors import ConfigError
@@ -35,6 +36,9 @@ SAMPLED = 0.5
 FRESH, FRESH_PERIODS = 0.25, 1.5
 """A displacement is fresh up to this fraction of the wire's time constant, and at least for this number of periods of
 the loop: then one lost reply of a sensor that is read in every period does not make its displacement old."""
+
+RATE_EXCHANGES = 4
+"""Number of exchanges that are timed before the loop starts, to check that the devices keep up with its rate."""
 
 CURRENT_TOLERANCE_A = 0.05
 """Largest difference between measured and commanded current in amperes, but at most a tenth of current_max_a."""
@@ -95,6 +99,22 @@ def supervisor(
         limits_of_run = hottest_c, current_max_a, checks.uses_resistance
         by_resistance = TemperatureByResistance(wire, wire.resistance, displacement, *limits_of_run)
     return Supervisor(limits, band, displacement, at_rest, by_resistance, checks.trusts_sensor)
+
+
+def check_rate(config: RigConfig, heater: Heater, clock: Clock) -> None:
+    """Raise ConfigError if the devices cannot keep up with the rig's rate. The current is set to zero."""
+    begun_s, period_s = clock.now_s(), 1.0 / config.rate_hz
+    for _ in range(RATE_EXCHANGES):
+        heater.exchange(0.0)
+    needed_s = (clock.now_s() - begun_s) / RATE_EXCHANGES
+    if needed_s > period_s:
+        raise ConfigError(
+            "the devices are too slow for rate_hz",
+            where=f"rig '{config.name}'",
+            value=f"{distinct(needed_s, period_s)} s per tick",
+            limit=f"{distinct(period_s, needed_s)} s",
+            cure=f"set rate_hz to {0.8 / needed_s:.2g}",
+        )
 
 
 def stale_after_s(config: RigConfig) -> float:

@@ -133,7 +133,8 @@ def plan_tracking(
     displacement in the rig file. A reference outside the temperature or displacement limits of the rig is a
     ConfigError, too.
     """
-    wire = identified.wire_model(rig.nominal_balance)
+    in_file = identified.wire_model(rig.nominal_balance)
+    wire = rig.usable(in_file)
     chosen, limits = displacement_from or rig.config.displacement_from, rig.config.limits
     limit_c = limits.temperature_max_c
     check_rig_limits(given.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
@@ -157,7 +158,7 @@ def plan_tracking(
             followed.check(limit_c, smooth=smooth, smooth_option=smooth_option)
     changed = (SMOOTHED_AGAIN,) if continues and not simulated.feasible else ()
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
-    sensing = *rig.check_sensing(wire, chosen, start.temperature_c), *resting_caveats(wire.model, measured, chosen)
+    sensing = *rig.check_sensing(in_file, chosen, start.temperature_c), *resting_caveats(wire.model, measured, chosen)
     of_the_model = *_caveats_of(identified), *_memory_caveats(identified, followed)
     held_back = derating_caveats(followed.hottest_c, limit_c)
     caveats = *simulated.caveats, *changed, *held_back, *of_the_model, *not_adapted, *sensing

@@ -48,7 +48,7 @@ class SafetyLimits:
         return any(map(isfinite, (self.displacement_min_mm, self.displacement_max_mm, self.tracking_max_mm)))
 
     def without_old_displacement(self, measurement: Measurement) -> Measurement:
-        """Return the measurement. Its displacement is NaN if it is older than `displacement_fresh_s`, or of unknown age.
+        """Return the measurement; its displacement is NaN if it is older than `displacement_fresh_s`, or its age NaN.
 
         The wire may have become hot since an old displacement was read.
         """

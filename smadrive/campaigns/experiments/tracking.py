@@ -107,9 +107,9 @@ def _driven(
 
     The supervisor uses the identified wire for every controller, so that all controllers trip at the same limits.
     """
-    chosen = controller_of(run, knowledge, wire, planned.reference)
-    controller = chosen.controller
     with simulated.rig as rig:
+        chosen = controller_of(run, knowledge, rig.usable(wire), planned.reference)
+        controller = chosen.controller
         source = rig.config.displacement_from
         rig.check_sensing(wire, source, rig.measure().temperature_c)
         simulated.plan_disturbance(run.disturbance, planned.reference)

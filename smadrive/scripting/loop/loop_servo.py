@@ -76,7 +76,8 @@ class LoopServo:
 
     def __init__(self, rig: Rig, wire: IdentifiedWire, servo_id: str, link: ServoLink, *, is_virtual: bool) -> None:
         self._rig = rig
-        self._wire = wire.wire_model(rig.nominal_balance)
+        in_file = wire.wire_model(rig.nominal_balance)
+        self._wire = rig.usable(in_file)
         self._servo_id = servo_id
         self._link = link
         self._is_virtual = is_virtual
@@ -89,7 +90,7 @@ class LoopServo:
         measurement = rig.measure()
         check_thermocouple(measurement)
         source = rig.config.displacement_from
-        sensing = rig.check_sensing(self._wire, source, measurement.temperature_c)
+        sensing = rig.check_sensing(in_file, source, measurement.temperature_c)
         self._warnings = *sensing, *resting_caveats(wire.model, measurement, source)
         reference = holding_reference(wire.model, measurement, source)
         self._swappable = SwappableController(self._controller(reference), reference, lambda: None)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.swappable import SwappableController
@@ -67,12 +68,13 @@ class TuningSession:
     ) -> None:
         self._rig = rig
         self._wire = wire
+        self._usable = replace(wire, resistance=rig.usable(wire.wire_model(tuning.model)).resistance)
         self._expected = expected
         self._channel = channel
         self._record = record
         self._references = ReferenceCatalogue(references)
         self.tunings = Tunings(tuning)
-        self._change_queue = ChangeQueue(self.tunings, builder, self._references.path, rig.config, wire)
+        self._change_queue = ChangeQueue(self.tunings, builder, self._references.path, rig.config, self._usable)
         self._adaptation = AdaptationRunner(tuning, wire.balance, rig.period_s, rig.config.feedback.noise_c)
         self._log = SessionLog(recorder, wire)
         self._status = Status(rig, self._references.names, wire, self._log)
@@ -165,7 +167,7 @@ class TuningSession:
         self._state.warn(self._rig.check_sensing(wire, source, measurement.temperature_c))
         self._state.warn(resting_caveats(tuning.model, measurement, source))
         reference = holding_reference(tuning.model, measurement, source)
-        controller = tuned_controller(tuning, reference, self._rig.config, self._wire)
+        controller = tuned_controller(tuning, reference, self._rig.config, self._usable)
         return SwappableController(controller, reference, self._serve)
 
     def _drive(self, live: SwappableController) -> None:

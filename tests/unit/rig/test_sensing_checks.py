@@ -10,7 +10,7 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import DeviceConfig
 from smadrive.rig.planned_device import PlannedDevice
-from smadrive.rig.sensing_checks import COARSE, TOO_COARSE, check_sensing, resolution, resolution_error
+from smadrive.rig.sensing_checks import COARSE, TOO_COARSE, check_sensing, resolution, resolution_error, usable_wire
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
@@ -21,6 +21,7 @@ MODEL = DuhemModel.gaussian(
 BALANCE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
 RESISTANCE = WireResistance(70.0, 16.5, 0.0, 0.0, 0.004, 0.001, 0.0, (20.0, 80.0, 140.0), (14.5,) * 3)
 WIRE = WireModel(MODEL, BALANCE, RESISTANCE)
+THIN = WireModel(MODEL, dataclasses.replace(BALANCE, loss_w_per_k=0.0004), RESISTANCE)
 BOARD = "sma-reference"
 
 
@@ -54,6 +55,19 @@ def test_device_that_measures_no_current_is_refused():
     assert raised.value.where == "device 'source'"
 
 
+@pytest.mark.parametrize(
+    ("profile", "wire", "is_used"),
+    [(BOARD, WIRE, True), ("riden-rd60xx", WIRE, True), ("riden-rd60xx", THIN, False), ("tclab", WIRE, False)],
+    ids=["board", "fine supply", "coarse supply", "duty"],
+)
+def test_resistance_that_the_source_cannot_measure_is_not_used(profile, wire, is_used):
+    used = usable_wire(wire, source(profile))
+    assert (used.model, used.balance) == (wire.model, wire.balance)
+    assert used.resistance is (wire.resistance if is_used else None)
+    assert len(checked(DisplacementFrom.SENSOR, profile, wire)) == (0 if is_used else 1)
+    assert checked(DisplacementFrom.NONE, profile, wire) == ()
+
+
 def test_warm_wire_is_warned_of():
     (warning,) = checked(celsius=75.0)
     assert "75 °C" in warning
@@ -66,10 +80,9 @@ def test_coarse_supply_is_warned_of_with_its_error():
 
 
 def test_supply_that_is_too_coarse_for_a_thin_wire_is_refused():
-    thin = WireModel(MODEL, dataclasses.replace(BALANCE, loss_w_per_k=0.0004), RESISTANCE)
     assert resolution_error(WIRE, RESISTANCE, 0.01, 0.01) > TOO_COARSE
     with pytest.raises(ConfigError) as raised:
-        checked(profile="riden-rd60xx", wire=thin)
+        checked(profile="riden-rd60xx", wire=THIN)
     assert "% of the stroke" in str(raised.value.value)
 
 

@@ -1,5 +1,7 @@
 """The plan of a run with cycles: what the wire cannot follow is smoothed or refused before the heat."""
 
+from dataclasses import replace
+
 import pytest
 
 from smadrive.control.controllers.step import ManualStep
@@ -15,6 +17,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.continuation import one_cycle
 from smadrive.runs.cycling.cycles import CycleMetrics, Cycling
 from smadrive.runs.tracking_plan import SMOOTHED_AGAIN, plan_tracking
+from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.identified_wire import IdentifiedWire
 
 WIRE = IdentifiedWire(
@@ -91,3 +94,14 @@ def test_run_from_a_warm_wire_without_a_measured_displacement_has_a_caveat():
             counts.append(len(plan_tracking(rig, SLOW, WIRE, **options).caveats))
             rig.drive(step_controller(rig.config, WARM, rig.nominal_balance), rig.nominal_balance, lambda _tick: None)
     assert counts[1] == counts[0] + 1
+
+
+def test_resistance_that_the_rig_cannot_measure_is_left_out_with_a_caveat():
+    resistance = WireResistance(22.0, 16.5, 0.0, 0.0, 0.004, 0.001, 0.01, (20.0, 80.0, 140.0), (14.52,) * 3)
+    plans = []
+    for wire in (WIRE, replace(WIRE, resistance=resistance)):
+        with Rig(load_rig("tclab").at("sim://flexinol-lt-0.15mm")) as rig:
+            plans.append(plan_tracking(rig, SLOW, wire, smooth=True, smooth_option="--smooth"))
+    without, plan = plans
+    assert plan.wire.resistance is None
+    assert len(plan.caveats) == len(without.caveats) + 1

@@ -1,11 +1,15 @@
 """The source of the displacement: chosen in the rig file or on the page, kept by changes, replaced, and refused."""
 
-from math import nan
+from math import isnan, nan
 
 import numpy as np
 import pytest
 from marks import exhaustive
 
+from firmware_sim.bench import SimulatedBench
+from firmware_sim.config import load_sim
+from smadrive.clock import VirtualClock
+from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
@@ -121,6 +125,21 @@ def test_resistance_checks_the_thermocouple_from_the_change_to_it(rig):
     rig.run(until_s=24.0)
     assert rig.status["fault"].startswith("fault 21")
     assert max(wire_c for _, wire_c, _ in rig.wire) < load_rig("in-process").limits.temperature_max_c
+
+
+def test_resistance_that_the_board_does_not_measure_is_not_used(rig):
+    """A TCLab computes its voltage, so its resistance is that of a cold wire at every temperature."""
+    rig.device, rig.clock = SimulatedBench(load_sim("flexinol-lt-0.15mm")).attach(load_profile("tclab")), VirtualClock()
+    rig.clock.follow(rig.device.bench.advance_to)
+    config = load_rig("tclab")
+    with_resistance(rig)._config = lambda: config
+    tracked(rig, at_s=6.0)
+    refused = choose(rig, 8.0, "resistance")
+    rig.run(until_s=12.0)
+    assert "does not measure" in rig.answers[refused]
+    assert sum("resistance in the model file" in text for text in events(rig)) == 1
+    assert all(isnan(tick.command.by_resistance_mm) for tick in rig.ticks)
+    assert rig.ticks[-1].command.power_w > 0.1
 
 
 def test_arm_warns_of_a_warm_wire_whose_displacement_is_unknown(rig):
