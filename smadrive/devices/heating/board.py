@@ -18,7 +18,7 @@ from smadrive.devices.device import Device
 from smadrive.devices.heating.device_source import DeviceSource
 from smadrive.devices.heating.heat_source import HeaterLimits, Sample, Supplied
 from smadrive.devices.profile.readings import RegisterReading, problem_of
-from smadrive.errors import ConfigError, ExceptionReply, ProtocolError, SafetyError
+from smadrive.errors import ExceptionReply, ProtocolError, SafetyError
 from smadrive.modbus.verdict import ExceptionCode
 
 LOST_SENSOR = "sensor_bus"
@@ -81,17 +81,7 @@ class HeaterBoard(DeviceSource[Device]):
         self._counter, self._counter_since_s, self._has_converted = nan, self._clock.now_s(), False
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
-        """Prove the identity again, then set watchdog and limits of the board, confirmed by read-back.
-
-        ConfigError for a voltage limit, because a board cannot keep it.
-        """
-        if isfinite(limits.voltage_max_v):
-            raise ConfigError(
-                "cannot be kept, because a heater board has no voltage limit",
-                where="voltage_max_v",
-                value=f"{limits.voltage_max_v:g} V",
-                cure="set the limit at the supply of the board, and leave voltage_max_v out",
-            )
+        """Prove the identity again, then set watchdog and limits of the board, confirmed by read-back."""
         self.device.check_identity()
         self._write_limit("watchdog_s", watchdog_s, "watchdog_s")
         self._write_limit("temperature_max", limits.temperature_max_c, "temperature_max_c")

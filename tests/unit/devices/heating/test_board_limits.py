@@ -4,7 +4,7 @@ import pytest
 
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
-from smadrive.errors import ConfigError, ExceptionReply
+from smadrive.errors import ExceptionReply
 
 
 @pytest.mark.parametrize(
@@ -16,11 +16,3 @@ def test_rejected_limit_names_its_key_in_the_rig_file(device, clock, limits, key
     with pytest.raises(ExceptionReply) as rejection:
         board.configure(limits, 0.5)
     assert f"limits.{key}" in rejection.value.cure
-
-
-def test_voltage_limit_that_a_board_cannot_keep_is_an_error(device, clock):
-    board = HeaterBoard(device, clock)
-    board.connect()
-    with pytest.raises(ConfigError) as error:
-        board.configure(HeaterLimits(0.4, 120.0, voltage_max_v=9.0), 0.5)
-    assert (error.value.where, error.value.value) == ("voltage_max_v", "9 V")
