@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 
 from smadrive.devices.calibration import Corrections
 from smadrive.devices.guardian.task import GuardedDevice, Task
+from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.heating.tclab import TCLab
 from smadrive.devices.profile.profile import Profile
@@ -75,7 +76,8 @@ def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collecti
     _check_addresses(devices, where)
     guardian = _guardian(source, devices, config.limits, where)
     limits, corrections = _limits(config.limits), config.calibration.corrections()
-    return RigPlan(devices, source, sensors, limits, guardian, corrections, tuple(_slow(sensors, config.rate_hz)))
+    caveats = *_slow(sensors, config.rate_hz), *_unlimited(source, limits)
+    return RigPlan(devices, source, sensors, limits, guardian, corrections, caveats)
 
 
 def _slow(sensors: Iterable[PlannedSensor], rate_hz: float) -> Iterator[str]:
@@ -87,6 +89,12 @@ def _slow(sensors: Iterable[PlannedSensor], rate_hz: float) -> Iterator[str]:
                 f"uses it again every {1.0 / rate_hz:g} s, as if it were new: set rate_hz of the rig to "
                 f"{1.0 / sensor.period_s:.3g}"
             )
+
+
+def _unlimited(source: PlannedDevice, limits: HeaterLimits) -> Iterator[str]:
+    """Yield a warning if the heater is a board, which cannot limit its voltage, and the voltage has a limit."""
+    if source.source_type is HeaterBoard and isfinite(limits.voltage_max_v):
+        yield f"voltage_max_v has no effect: '{source.config.name}' cannot limit its voltage. Limit its supply"
 
 
 def check_full_scales(source: PlannedDevice) -> None:

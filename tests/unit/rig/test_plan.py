@@ -52,6 +52,13 @@ def test_profile_decides_the_type_of_the_source(devices, source_type):
     assert plan(*devices).source.source_type is source_type
 
 
+@pytest.mark.parametrize(("device", "warnings"), [(BOARD, 1), (SUPPLY, 0)])
+def test_voltage_limit_that_the_source_cannot_keep_gives_a_warning(device, warnings):
+    sensors = () if device is BOARD else (READER,)
+    caveats = plan(device, *sensors, voltage_max_v=9.0).caveats
+    assert [caveat.startswith("voltage_max_v") for caveat in caveats] == [True] * warnings
+
+
 @pytest.mark.parametrize(("rate_hz", "slow"), [(2.5, 0), (4.0, 0), (10.0, 1)])
 def test_sensor_that_is_slow_for_the_loop_gives_a_warning(rate_hz, slow):
     """The reader converts every 0.4 s, the laser is as fast as the loop."""
