@@ -1,8 +1,10 @@
 """The tasks of a campaign: identify the wire of a run, execute a run. A failed run is a row with its error.
 
-The result of a task depends on its arguments alone, so a task may be repeated on another worker. A failure is final if
-its error comes from the run: each repetition would fail in the same way. Any other failure, such as too little memory,
-says nothing about the run.
+The result of a task depends on its arguments alone, so a task may be repeated on another worker. The files that a task
+reads are compared with their content at the start of the campaign.
+
+A failure is final if its error comes from the run: each repetition would fail in the same way. Any other failure, such
+as too little memory or a changed file, says nothing about the run.
 """
 
 from __future__ import annotations
@@ -27,7 +29,8 @@ from smadrive.campaigns.experiments.identification import (
 )
 from smadrive.campaigns.experiments.simulated_rig import simulated_wire, wire_row
 from smadrive.campaigns.experiments.tracking import tracking_row
-from smadrive.campaigns.plan.plan import PlannedRun, files_of
+from smadrive.campaigns.plan.files import ChangedFileError, RunFile, of_unchanged_files
+from smadrive.campaigns.plan.plan import PlannedRun
 from smadrive.errors import DataError, SmadriveError
 
 
@@ -89,7 +92,8 @@ def identify(run: PlannedRun) -> WireKnowledge | RunFailure:
     """
     began_s = time.thread_time()
     try:
-        return excited_wire(run)._replace(cpu_s=time.thread_time() - began_s)
+        knowledge = of_unchanged_files(run.documents.profiles, lambda: excited_wire(run))
+        return knowledge._replace(cpu_s=time.thread_time() - began_s)
     except Exception as error:  # noqa: BLE001 (a defect in one run must not end the campaign)
         return _failure(run, error)._replace(cpu_s=time.thread_time() - began_s)
 
@@ -112,12 +116,12 @@ def execute(run: PlannedRun, knowledge: WireKnowledge | RunFailure | None = None
 def logged_run(run: PlannedRun) -> bytes:
     """Execute a tracking run again with a log, and return the content of the log.
 
-    DataError when the folder for temporary files cannot be used.
+    DataError when the folder for temporary files cannot be used, ChangedFileError when a file of the run has changed.
     """
     try:
         with TemporaryDirectory() as folder:
             log_file = Path(folder) / "run.h5"
-            tracking_row(run, _knowledge(run), log_file)
+            of_unchanged_files(_files_of(run), lambda: tracking_row(run, _knowledge(run), log_file))
             return log_file.read_bytes()
     except OSError as error:
         where, cure = f"folder for temporary files on {platform.node()}", "make room there, and go on with --resume"
@@ -130,7 +134,7 @@ def _outcome(run: PlannedRun, knowledge: WireKnowledge | RunFailure | None) -> t
         failure = knowledge
     else:
         try:
-            return _row(run, knowledge), "", True
+            return of_unchanged_files(_files_of(run), lambda: _row(run, knowledge)), "", True
         except Exception as error:  # noqa: BLE001 (a defect in one run must not end the campaign)
             failure = _failure(run, error)
     return {**_wire_row_if_simulated(run), **failure.outcome}, failure.trace, failure.is_final
@@ -139,16 +143,19 @@ def _outcome(run: PlannedRun, knowledge: WireKnowledge | RunFailure | None) -> t
 def _failure(run: PlannedRun, error: Exception) -> RunFailure:
     """Return the failure of a run by `error`, the exception that is handled now.
 
-    If this machine cannot read a file of the run, the error is not that of the run: the command has read all files, so
-    a shared disk may be missing here. Files are named relative to the campaign file: the row must not depend on the
-    folder.
+    Files are named relative to the campaign file: the row must not depend on the folder.
     """
-    is_expected = isinstance(error, SmadriveError)
-    files, text = files_of(run), str(error)
-    is_final = is_expected and all(os.access(path, os.R_OK) for path in files)
-    for path in sorted(files, key=lambda path: len(str(path)), reverse=True):  # a path can begin with a shorter one
-        text = text.replace(str(path), os.path.relpath(path, run.folder))
+    is_expected, text = isinstance(error, SmadriveError), str(error)
+    is_final = is_expected and not isinstance(error, ChangedFileError)
+    paths = (file.name for file in _files_of(run) if os.path.isabs(file.name))
+    for path in sorted(paths, key=len, reverse=True):  # a path can begin with a shorter one
+        text = text.replace(path, os.path.relpath(path, run.folder))
     return RunFailure(outcome_row("failed", error, text), "" if is_expected else traceback.format_exc(), is_final)
+
+
+def _files_of(run: PlannedRun) -> tuple[RunFile, ...]:
+    """Return the files that a worker reads for the run."""
+    return (*run.documents.profiles, *run.files)
 
 
 def _row(run: PlannedRun, knowledge: WireKnowledge | None) -> Row:

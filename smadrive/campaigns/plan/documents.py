@@ -17,13 +17,13 @@ from typing import Any, NamedTuple, NoReturn
 from firmware_sim.config import SimConfig
 from firmware_sim.physics.flexinol import AMBIENT_C, DENSITY_KG_PER_M3, flexinol
 from smadrive.campaigns.plan.config import RunSettings, WireSettings
+from smadrive.campaigns.plan.files import CampaignFiles, RunFile
 from smadrive.errors import ConfigError
-from smadrive.files.config import read_toml, validate
+from smadrive.files.config import validate
 from smadrive.files.kinds import RIG, SIM, WIRE
 from smadrive.files.shipped import config_file
 from smadrive.rig.config import RigConfig
-from smadrive.rig.planned_device import profile_text
-from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
+from smadrive.wire.data_sheet import WireDataSheet
 
 RIG_FILE, SIM_FILE = "in-process", "flexinol-lt-0.15mm"
 """The default rig file and the default sim file of a run."""
@@ -38,23 +38,64 @@ SERIAL_NUMBER = 1
 class RunDocuments(NamedTuple):
     """The content of the files of one run. `sim` is the nominal wire: `wire.seed` of the run has not changed it yet.
 
-    `digest` is the SHA-256 of this content and of the profiles of the devices. It does not depend on the folder of the
-    files.
+    `profiles` are the files of the profiles, which a worker reads. `digest` is the SHA-256 of this content and of the
+    profiles. It does not depend on the folder of the files.
     """
 
     rig: RigConfig
     sim: SimConfig
     data_sheet: WireDataSheet
+    profiles: tuple[RunFile, ...]
     digest: str
 
 
-def documents_of(settings: RunSettings, folder: Path) -> RunDocuments:
-    """Return the documents of a run. Paths are relative to `folder`, the folder of the campaign file.
+class DocumentReader:
+    """The documents of the runs of a campaign. Paths are relative to `folder`, the folder of the campaign file."""
 
-    ConfigError for a missing file, an unknown key and an impossible value.
-    """
-    nominal = settings.wire.model_copy(update={"seed": None, "kind": None})
-    return _documents(_text(settings.rig, RIG_TABLE), _text(settings.sim, SIM_TABLE), nominal, folder)
+    def __init__(self, folder: Path, files: CampaignFiles) -> None:
+        self._folder, self._files = folder, files
+        self._kept = lru_cache(maxsize=1024)(self._documents)
+
+    def documents_of(self, settings: RunSettings) -> RunDocuments:
+        """Return the documents of a run. ConfigError for a missing file, an unknown key and an impossible value."""
+        nominal = settings.wire.model_copy(update={"seed": None, "kind": None})
+        return self._kept(_text(settings.rig, RIG_TABLE), _text(settings.sim, SIM_TABLE), nominal)
+
+    def _documents(self, rig_text: str, sim_text: str, wire: WireSettings) -> RunDocuments:
+        rig, sim = self._rig(json.loads(rig_text)), self._sim(json.loads(sim_text), wire)
+        data_sheet = self._data_sheet(wire, sim, rig.wire)
+        profiles = tuple(self._files.profile(device.profile) for device in rig.devices)
+        return RunDocuments(rig, sim, data_sheet, profiles, self._digest(rig, sim, data_sheet))
+
+    def _digest(self, rig: RigConfig, sim: SimConfig, data_sheet: WireDataSheet) -> str:
+        """Return the digest of the content. The paths in the rig file are left out: their content stands for them."""
+        texts = (
+            rig.model_dump_json(exclude={"wire": True, "model": True, "devices": {"__all__": {"profile"}}}),
+            *(self._files.profile_text(device.profile) for device in rig.devices),
+            sim.model_dump_json(),
+            data_sheet.model_dump_json(),
+        )
+        return hashlib.sha256("\n".join(texts).encode()).hexdigest()
+
+    def _rig(self, changes: dict[str, Any]) -> RigConfig:
+        path = file_path(changes.pop("file", RIG_FILE), self._folder, RIG)
+        changed = merged(self._files.toml(path), changes, RIG_TABLE)
+        return validate(changed, RigConfig, f"{RIG_TABLE} {path}").in_folder(path.parent)
+
+    def _sim(self, changes: dict[str, Any], wire: WireSettings) -> SimConfig:
+        if wire.diameter_mm is None:
+            path = file_path(changes.pop("file", SIM_FILE), self._folder, SIM)
+            return changed_sim(validate(self._files.toml(path), SimConfig, str(path)), changes)
+        if "file" in changes:
+            cure = "remove one of the two: `wire.diameter_mm` replaces the sim file"
+            raise ConfigError("two wires", where="[run]", value="sim.file and wire.diameter_mm", cure=cure)
+        return changed_sim(flexinol(wire.diameter_mm, wire.length_m, wire.alloy), changes)
+
+    def _data_sheet(self, wire: WireSettings, sim: SimConfig, wire_file: str) -> WireDataSheet:
+        """Return the data sheet of the wire file of the rig or, with `diameter_mm`, of published data."""
+        if wire.diameter_mm is None:
+            return self._files.data_sheet(str(config_file(wire_file, WIRE)))
+        return _published_data_sheet(wire, wire.diameter_mm, sim)
 
 
 def changed_sim(sim: SimConfig, changes: Mapping[str, Any]) -> SimConfig:
@@ -112,54 +153,12 @@ def _text(changes: Mapping[str, Any], where: str) -> str:
     return json.dumps(changes, sort_keys=True, default=refuse)
 
 
-@lru_cache(maxsize=1024)
-def _documents(rig_text: str, sim_text: str, wire: WireSettings, folder: Path) -> RunDocuments:
-    rig, sim = _rig(json.loads(rig_text), folder), _sim(json.loads(sim_text), wire, folder)
-    data_sheet = _data_sheet(wire, sim, rig.wire)
-    return RunDocuments(rig, sim, data_sheet, _digest(rig, sim, data_sheet))
-
-
-def _digest(rig: RigConfig, sim: SimConfig, data_sheet: WireDataSheet) -> str:
-    """Return the digest of the content. The paths in the rig file are left out: their content stands for them."""
-    texts = (
-        rig.model_dump_json(exclude={"wire": True, "model": True, "devices": {"__all__": {"profile"}}}),
-        *(_profile_text(device.profile) for device in rig.devices),
-        sim.model_dump_json(),
-        data_sheet.model_dump_json(),
-    )
-    return hashlib.sha256("\n".join(texts).encode()).hexdigest()
-
-
-@lru_cache(maxsize=256)
-def _profile_text(name: str) -> str:
-    return profile_text(name)
-
-
-def _rig(changes: dict[str, Any], folder: Path) -> RigConfig:
-    path = file_path(changes.pop("file", RIG_FILE), folder, RIG)
-    changed = merged(read_toml(path), changes, RIG_TABLE)
-    return validate(changed, RigConfig, f"{RIG_TABLE} {path}").in_folder(path.parent)
-
-
-def _sim(changes: dict[str, Any], wire: WireSettings, folder: Path) -> SimConfig:
-    if wire.diameter_mm is None:
-        path = file_path(changes.pop("file", SIM_FILE), folder, SIM)
-        return changed_sim(validate(read_toml(path), SimConfig, str(path)), changes)
-    if "file" in changes:
-        cure = "remove one of the two: `wire.diameter_mm` replaces the sim file"
-        raise ConfigError("two wires", where="[run]", value="sim.file and wire.diameter_mm", cure=cure)
-    return changed_sim(flexinol(wire.diameter_mm, wire.length_m, wire.alloy), changes)
-
-
-def _data_sheet(wire: WireSettings, sim: SimConfig, wire_file: str) -> WireDataSheet:
-    """Return the data sheet of the nominal wire: the wire file of the rig or, with `diameter_mm`, published data."""
-    if wire.diameter_mm is None:
-        return load_data_sheet(str(config_file(wire_file, WIRE)))
-    diameter_m, heat = 1e-3 * wire.diameter_mm, sim.wire
+def _published_data_sheet(wire: WireSettings, diameter_mm: float, sim: SimConfig) -> WireDataSheet:
+    diameter_m, heat = 1e-3 * diameter_mm, sim.wire
     mass_kg = DENSITY_KG_PER_M3 * 0.25 * pi * diameter_m**2 * wire.length_m
     return WireDataSheet(
-        name=f"Flexinol {wire.alloy} {wire.diameter_mm:g} mm x {1e3 * wire.length_m:g} mm",
-        diameter_mm=wire.diameter_mm,
+        name=f"Flexinol {wire.alloy} {diameter_mm:g} mm x {1e3 * wire.length_m:g} mm",
+        diameter_mm=diameter_mm,
         length_mm=1e3 * wire.length_m,
         resistance_ohm_per_m=heat.resistance_cold_ohm / wire.length_m,
         resistance_change=heat.resistance_change,

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from io import BufferedReader
+from itertools import product
 from math import prod
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +28,8 @@ from smadrive.campaigns.plan.config import (
     RunSettings,
     load_campaign,
 )
-from smadrive.campaigns.plan.documents import RunDocuments, documents_of, merged
+from smadrive.campaigns.plan.documents import DocumentReader, RunDocuments, merged
+from smadrive.campaigns.plan.files import CampaignFiles, RunFile, opened
 from smadrive.errors import ConfigError
 from smadrive.files.config import validate
 from smadrive.files.kinds import CAMPAIGN
@@ -40,7 +40,8 @@ from smadrive.files.spelling import suggestion_or_list
 class PlannedRun(NamedTuple):
     """One run: its number, its values on the axes, and all that a worker needs.
 
-    `folder` is the folder of the campaign file.
+    `folder` is the folder of the campaign file, `files` are model, record and reference file, as far as the run has
+    them.
     """
 
     number: int
@@ -50,6 +51,7 @@ class PlannedRun(NamedTuple):
     reference: ReferenceConfig | None
     disturbance: tuple[DisturbanceConfig, ...]
     folder: Path
+    files: tuple[RunFile, ...]
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,14 @@ class CampaignPlan:
         return self.config.report.metric or MAIN_METRICS[self.config.run.experiment]
 
     @cached_property
+    def _files(self) -> CampaignFiles:
+        return CampaignFiles()
+
+    @cached_property
+    def _reader(self) -> DocumentReader:
+        return DocumentReader(self.folder, self._files)
+
+    @cached_property
     def _base(self) -> dict[str, Any]:
         return self.config.run.model_dump(exclude_unset=True)
 
@@ -102,17 +112,23 @@ class CampaignPlan:
         check_settings(table, settings, self.axes)
         if settings.seed is None:
             settings = settings.model_copy(update={"seed": self.config.seed})
+        settings = _with_paths(settings, self.folder)
         disturbances = {NO_DISTURBANCE: (), **self.config.disturbances}
-        reference = settings.reference
+        name = settings.reference
+        reference = None if name is None else self._reference(_named(name, self.config.references, "references"))
         return PlannedRun(
             number,
             levels,
-            _with_paths(settings, self.folder),
-            documents_of(settings, self.folder),
-            None if reference is None else self._reference(_named(reference, self.config.references, "references")),
+            settings,
+            self._reader.documents_of(settings),
+            reference,
             _named(settings.disturbance, disturbances, "disturbances"),
             self.folder,
+            self._run_files(settings.model, settings.record, reference.file if reference else None),
         )
+
+    def _run_files(self, *paths: str | None) -> tuple[RunFile, ...]:
+        return tuple(self._files.run_file(path) for path in paths if path is not None)
 
     def _reference(self, reference: ReferenceConfig) -> ReferenceConfig:
         if reference.file is None:
@@ -121,24 +137,36 @@ class CampaignPlan:
 
     @cached_property
     def fingerprint(self) -> str:
-        """The digest of the settings in the campaign file, and of the content of the files that the runs read.
+        """The digest of the settings in the campaign file, and of the content of all files that the runs read.
 
-        It does not depend on the folder of the campaign. All models, records and reference files are part of it. Rigs,
-        simulated wires, data sheets and profiles are those of the runs in `sample`: if a campaign has more than
-        `SAMPLED` runs, a change of such a file that only other runs read does not change the digest.
+        It does not depend on the folder of the campaign. A later change of a file does not change it.
         """
         digest = hashlib.sha256(self.config.model_dump_json().encode())
         digest.update(repr([axis.levels for axis in self.axes]).encode())
-        for run in self.sample():
+        for run in self._runs_by_files():
             digest.update(run.documents.digest.encode())
         for path in self._named_files():
-            digest.update(_content_digest(path))
+            digest.update(self._files.run_file(str(path)).digest.encode())
         return digest.hexdigest()
+
+    def _runs_by_files(self) -> Iterator[PlannedRun]:
+        """Yield a run for each combination of rig, simulated wire, data sheet and profiles.
+
+        A number on an axis neither names nor replaces a file. So the axes of numbers stay at their first values, and
+        few runs stand for a campaign of many.
+        """
+        sizes = [len(axis.levels) for axis in self.axes]
+        varied = [range(size if _may_name_a_file(axis) else 1) for axis, size in zip(self.axes, sizes, strict=True)]
+        for places in product(*varied):
+            number = 0
+            for size, place in zip(sizes, places, strict=True):
+                number = number * size + place
+            yield self.run(number)
 
     def check_files(self) -> None:
         """Raise ConfigError if a model, a record or a reference file of any run cannot be read."""
         for path in self._named_files():
-            with _opened(path):
+            with opened(path):
                 pass
 
     def _named_files(self) -> Iterator[Path]:
@@ -176,12 +204,12 @@ def load_plan(name: str) -> CampaignPlan:
     )
 
 
-def files_of(run: PlannedRun) -> list[Path]:
-    """Return the files that a worker reads for the run: model, record, reference file and profiles."""
-    named = (run.settings.model, run.settings.record, run.reference.file if run.reference else None)
-    profiles = [device.profile.partition(":")[0] for device in run.documents.rig.devices]
-    own_profiles = [name for name in profiles if name.endswith(".toml")]
-    return [Path(name) for name in (*named, *own_profiles) if name is not None]
+def _may_name_a_file(axis: Axis) -> bool:
+    """Return True if values of the axis are texts or tables for rig or wire: these may name a file."""
+    values = (item for change in axis.settings for item in change.items())
+    return any(
+        path.partition(".")[0] in ("rig", "sim", "wire") and not isinstance(one, int | float) for path, one in values
+    )
 
 
 def _changed(table: dict[str, Any], changes: list[Mapping[str, Any]]) -> dict[str, Any]:
@@ -207,17 +235,3 @@ def _with_paths(settings: RunSettings, folder: Path) -> RunSettings:
     """Return the settings with absolute paths of model and record, because a worker has another working folder."""
     paths = {key: str(folder / value) for key in ("model", "record") if (value := getattr(settings, key)) is not None}
     return settings.model_copy(update=paths)
-
-
-def _content_digest(path: Path) -> bytes:
-    with _opened(path) as file:
-        return hashlib.file_digest(file, "sha256").digest()
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[BufferedReader]:
-    try:
-        with path.open("rb") as file:
-            yield file
-    except OSError as error:
-        raise ConfigError("cannot be read", where=path, value=error.strerror, cure="check the path") from None

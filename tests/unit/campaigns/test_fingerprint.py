@@ -4,6 +4,7 @@ import shutil
 
 import pytest
 
+import smadrive.campaigns.plan.plan
 from smadrive.campaigns.campaign import check_plan
 from smadrive.campaigns.plan.plan import SAMPLED, load_plan
 from smadrive.errors import ConfigError
@@ -55,7 +56,7 @@ def fingerprint(folder):
 
 
 def copied(folder, name):
-    """A copy of a folder. A file that was read in one folder may be kept in memory, so a changed one needs its own."""
+    """A copy of a folder."""
     return shutil.copytree(folder, folder.with_name(name))
 
 
@@ -63,13 +64,24 @@ def test_copy_of_a_campaign_has_its_fingerprint(folder):
     assert fingerprint(folder) == fingerprint(copied(folder, "copy"))
 
 
+CHANGES = {
+    "board.toml": ("response_timeout_ms = 60", "response_timeout_ms = 61"),
+    "rig.toml": ("current_max_a = 0.6", "current_max_a = 0.5"),
+    "sim.toml": ("stroke_mm = 12.0", "stroke_mm = 11.0"),
+    "wire.toml": ("ambient_c = 22.0", "ambient_c = 23.0"),
+}
+
+
+def change(path, before, after):
+    text = path.read_text(encoding="utf-8")
+    assert before in text
+    path.write_text(text.replace(before, after, 1), encoding="utf-8")
+
+
 @pytest.mark.parametrize(
     ("name", "before", "after"),
     [
-        ("board.toml", "response_timeout_ms = 60", "response_timeout_ms = 61"),
-        ("rig.toml", "current_max_a = 0.6", "current_max_a = 0.5"),
-        ("sim.toml", "stroke_mm = 12.0", "stroke_mm = 11.0"),
-        ("wire.toml", "ambient_c = 22.0", "ambient_c = 23.0"),
+        *((name, *texts) for name, texts in CHANGES.items()),
         ("campaign.toml", "seed = [1, 2]", "seed = [1, 3]"),
         ("wire.json", "wire", "other"),
         ("table.csv", "table", "other"),
@@ -77,10 +89,30 @@ def test_copy_of_a_campaign_has_its_fingerprint(folder):
 )
 def test_content_of_every_file_counts(folder, name, before, after):
     copy = copied(folder, "copy")
-    text = (copy / name).read_text(encoding="utf-8")
-    assert before in text
-    (copy / name).write_text(text.replace(before, after, 1), encoding="utf-8")
+    change(copy / name, before, after)
     assert fingerprint(folder) != fingerprint(copy)
+
+
+@pytest.mark.parametrize(
+    ("key", "name"),
+    [
+        ("rig.file", "rig.toml"),
+        ("sim.file", "sim.toml"),
+        ("rig.wire", "wire.toml"),
+        ("rig.devices.board.profile", "board.toml"),
+    ],
+)
+def test_file_of_a_run_outside_the_sample_counts(folder, monkeypatch, key, name):
+    monkeypatch.setattr(smadrive.campaigns.plan.plan, "SAMPLED", 2)
+    for number in range(3):
+        shutil.copy(folder / name, folder / f"{number}.toml")
+    settings = TRACK.replace(f'{key} = "{name}"\n', "")
+    numbers = "[[vary]]\nrig.rate_hz = [10.0, 20.0]\n"
+    files = f'[[vary]]\n{key} = ["0.toml", "1.toml", "2.toml"]\n'
+    (folder / "campaign.toml").write_text(settings + numbers + files)
+    before = fingerprint(folder)
+    change(folder / "1.toml", *CHANGES[name])
+    assert fingerprint(folder) != before
 
 
 def test_comment_in_a_file_does_not_count(folder):
