@@ -3,8 +3,8 @@
 The result of a task depends on its arguments alone, so a task may be repeated on another worker. The files that a task
 reads are compared with their content at the start of the campaign.
 
-A failure is final if its error comes from the run: each repetition would fail in the same way. Any other failure, such
-as too little memory or a changed file, says nothing about the run.
+A failure is final if its error comes from the run, or from a defect of smadrive: each repetition would fail in the same
+way. An error of `OF_THE_WORKER` says nothing about the run, so the failure is not final.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ from smadrive.campaigns.experiments.tracking import tracking_row
 from smadrive.campaigns.plan.files import ChangedFileError, RunFile, of_unchanged_files
 from smadrive.campaigns.plan.plan import PlannedRun
 from smadrive.errors import DataError, SmadriveError
+
+OF_THE_WORKER = (MemoryError, OSError, ImportError, ChangedFileError)
+"""Errors of the machine that executes a run: too little memory, a full disk, a missing package, a changed file."""
 
 
 class RunFailure(NamedTuple):
@@ -145,12 +148,11 @@ def _failure(run: PlannedRun, error: Exception) -> RunFailure:
 
     Files are named relative to the campaign file: the row must not depend on the folder.
     """
-    is_expected, text = isinstance(error, SmadriveError), str(error)
-    is_final = is_expected and not isinstance(error, ChangedFileError)
-    paths = (file.name for file in _files_of(run) if os.path.isabs(file.name))
+    text, trace = str(error), "" if isinstance(error, SmadriveError) else traceback.format_exc()
+    paths = (file.name for file in _files_of(run) if Path(file.name).is_absolute())
     for path in sorted(paths, key=len, reverse=True):  # a path can begin with a shorter one
         text = text.replace(path, os.path.relpath(path, run.folder))
-    return RunFailure(outcome_row("failed", error, text), "" if is_expected else traceback.format_exc(), is_final)
+    return RunFailure(outcome_row("failed", error, text), trace, not isinstance(error, OF_THE_WORKER))
 
 
 def _files_of(run: PlannedRun) -> tuple[RunFile, ...]:

@@ -1,5 +1,6 @@
 """The runs of a campaign, on a cluster of one worker in this process."""
 
+import errno
 import importlib
 import operator
 import os
@@ -13,6 +14,7 @@ import pytest
 from distributed import Client, LocalCluster, wait
 from exact_wire import exact_wire
 
+import smadrive.campaigns.experiments.run
 from smadrive.campaigns.execution.journal import Journal
 from smadrive.campaigns.execution.scheduling import _result_of, groups_of, run_all
 from smadrive.campaigns.experiments.identification import WireKnowledge
@@ -91,6 +93,28 @@ def test_run_that_this_machine_could_not_execute_is_repeated(client, short_campa
     again, finished = table_of(client, plan, tmp_path / "folder", resume=True)
     assert finished == plan.count
     assert set(again["status"]) == {"done"}
+
+
+@pytest.mark.parametrize(
+    ("error", "is_final"),
+    [
+        (MemoryError(), False),
+        (OSError(errno.EIO, "input/output error"), False),
+        (ModuleNotFoundError("no module"), False),
+        (np.linalg.LinAlgError("singular matrix"), True),
+        (ZeroDivisionError(), True),
+        (DataError("malformed"), True),
+    ],
+)
+def test_failure_is_final_if_its_error_comes_from_the_run(short_campaign, monkeypatch, error, is_final):
+    def failing_row(*_):
+        raise error
+
+    monkeypatch.setattr(smadrive.campaigns.experiments.run, "tracking_row", failing_row)
+    result = execute(short_campaign().run(0))
+    assert (result.row["status"], result.row["error_type"]) == ("failed", type(error).__name__)
+    assert result.is_final is is_final
+    assert bool(result.effort.trace) is not isinstance(error, DataError)
 
 
 def test_failure_that_dask_reports_has_its_text_and_is_not_final(client):
