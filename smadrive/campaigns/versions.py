@@ -1,4 +1,4 @@
-"""The versions of the packages that compute the runs of a campaign: the provenance of its results."""
+"""The versions of the packages that decide the table of a campaign: the provenance of its results."""
 
 from __future__ import annotations
 
@@ -12,13 +12,23 @@ from smadrive.errors import ConfigError
 
 ResultT = TypeVar("ResultT")
 
-PACKAGES = ("smadrive", "numpy", "scipy")
+COMPUTING = ("smadrive", "numpy", "scipy")
+"""The packages that compute the runs, on each worker."""
+
+WRITING = ("pandas", "pyarrow")
+"""The packages that write the table. The command needs them, a worker does not."""
 
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of Python and of `PACKAGES` by name."""
-    return {"python": platform.python_version(), **{name: version(name) for name in PACKAGES}}
+    """Return the versions of Python and of `COMPUTING` by name. Workers and command must have the same ones."""
+    return {"python": platform.python_version(), **{name: version(name) for name in COMPUTING}}
+
+
+@cache
+def table_versions() -> dict[str, str]:
+    """Return the versions of Python and of all packages that decide the table and its digest, by name."""
+    return versions() | {name: version(name) for name in WRITING}
 
 
 def with_versions(required: dict[str, str], task: Callable[..., ResultT], *arguments: object) -> ResultT:

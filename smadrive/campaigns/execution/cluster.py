@@ -20,7 +20,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from smadrive.campaigns.versions import PACKAGES, check_version, versions
+from smadrive.campaigns.versions import COMPUTING, check_version, versions
 from smadrive.errors import ConfigError, TransportError
 from smadrive.numerics.blas_threads import ONE_THREAD
 
@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 ALLOWED_FAILURES = 25
 OPTION = "--scheduler"
+DASK = "distributed"
+"""The package whose version is that of Dask: command, scheduler and workers talk to each other with it."""
+
 PROTOCOLS = ("tcp", "tls", "ws", "wss")
 ENCRYPTED = ("tls", "wss")
 """The protocols that need certificates in the configuration of Dask."""
@@ -114,10 +117,11 @@ def _silence_logs() -> None:
 def _check_versions(client: Client) -> None:
     """Raise ConfigError if a worker has another version of Python or of a package than this command.
 
-    The provenance of the results names the versions of the command. Workers without smadrive can be asked, too.
+    The provenance of the results names the versions of the command. Workers without smadrive can be asked, too. Dask
+    does not decide the results, but two versions of it may not understand each other.
     """
-    own = versions()
-    found = {name: client.run(version, name, on_error="return") for name in PACKAGES}
+    own = versions() | {DASK: version(DASK)}
+    found = {name: client.run(version, name, on_error="return") for name in (*COMPUTING, DASK)}
     found["python"] = client.run(platform.python_version)
     for name, by_worker in found.items():
         for worker, number in by_worker.items():

@@ -1,6 +1,6 @@
 """The journal of a campaign: one line for each finished run, in the output folder. A later command can go on with it.
 
-The first line identifies the plan, and the versions of the packages that compute the runs. Each further line is a JSON
+The first line identifies the plan, and the versions of the packages that decide the table. Each further line is a JSON
 object with the number of a run, its row and its effort. A line is written as soon as its run is finished. A kill can
 cut the last line, and a disk can damage any. The first damaged line and all lines after it are removed when the journal
 is opened again, and their runs are repeated. A failure that is not final has no line, so its run is repeated, too.
@@ -21,14 +21,14 @@ from typing import Any, Self
 
 from smadrive.campaigns.experiments.run import Effort, RunResult
 from smadrive.campaigns.plan.plan import CampaignPlan
-from smadrive.campaigns.versions import versions
+from smadrive.campaigns.versions import table_versions
 from smadrive.errors import DataError
 from smadrive.files.atomic import replacing
 from smadrive.files.checked_line import checked_line, fields_of_line
 from smadrive.posix import fcntl
 
 JOURNAL, COPY = "journal.jsonl", "campaign.toml"
-SCHEMA = 2
+SCHEMA = 3
 SYNCED_S = 1.0
 """Shortest time between two synchronizations of the journal to the disk, s."""
 
@@ -59,7 +59,7 @@ class Journal:
             if not (self._resume and self._read()):
                 self._write_copy()
                 head = {"schema": SCHEMA, "fingerprint": self._plan.fingerprint, "title": self._plan.config.title}
-                self._write({**head, "versions": versions()})
+                self._write({**head, "versions": table_versions()})
             self._sync()
             self._on_exit = stack.pop_all()
         return self
@@ -179,7 +179,7 @@ class Journal:
                 cure=f"give the same campaign file, of which {COPY} in the folder is a copy, with the same files; or "
                 "choose another folder without --resume",
             )
-        if (found := entry.get("versions")) != (own := versions()):
+        if (found := entry.get("versions")) != (own := table_versions()):
             raise DataError(
                 "other versions of the packages began this campaign, so its runs may differ",
                 where=self.folder,

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from smadrive.campaigns.experiments.columns import COLUMNS, ResultColumn, outcome_row
 from smadrive.campaigns.experiments.run import RunResult
 from smadrive.campaigns.plan.plan import CampaignPlan
-from smadrive.campaigns.versions import versions
+from smadrive.campaigns.versions import table_versions
 from smadrive.files.atomic import replacing
 
 if TYPE_CHECKING:
@@ -94,5 +94,5 @@ def _provenance(plan: CampaignPlan) -> dict[str, Any]:
         "campaign": plan.text,
         "fingerprint": plan.fingerprint,
         "seed": plan.config.seed,
-        "versions": versions(),
+        "versions": table_versions(),
     }

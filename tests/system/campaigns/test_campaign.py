@@ -101,16 +101,17 @@ def test_a_campaign_goes_on_after_its_scheduler_was_killed(campaign, scheduler, 
 
 
 @pytest.mark.filterwarnings("ignore:Mismatched versions")  # the client of this test sees it, too
-def test_workers_with_another_version_of_a_package_are_refused(campaign, scheduler, free_port, tmp_path):
-    installed = tmp_path / "other" / "numpy-1.0.dist-info"
+@pytest.mark.parametrize("package", ["numpy", "distributed"])
+def test_workers_with_another_version_of_a_package_are_refused(campaign, scheduler, free_port, tmp_path, package):
+    installed = tmp_path / "other" / f"{package}-1.0.dist-info"
     installed.mkdir(parents=True)
-    (installed / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 1.0\n")
+    (installed / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n")
     path = os.pathsep.join((str(installed.parent), os.environ.get("PYTHONPATH", "")))
     address, _ = scheduler(free_port(), {"PYTHONPATH": path})
     process = campaign.start("folder", "--scheduler", address)
     _, err = process.communicate()
     assert process.returncode == 2
-    assert "numpy" in err
+    assert package in err
     assert "1.0" in err
     assert "Traceback" not in err
     assert not (campaign.folder / "folder").exists()

@@ -187,18 +187,19 @@ def test_another_campaign_does_not_go_on_in_the_folder(short_campaign, tmp_path)
         assert list(journal.results) == [0]
 
 
-def test_a_campaign_does_not_go_on_with_other_versions(short_campaign, tmp_path):
+@pytest.mark.parametrize("package", ["numpy", "pyarrow"])
+def test_a_campaign_does_not_go_on_with_other_versions(short_campaign, tmp_path, package):
     folder = tmp_path / "folder"
     with Journal(folder, short_campaign(), resume=False) as journal:
         journal.add(0, RESULT)
     head, *runs = (folder / JOURNAL).read_bytes().splitlines(keepends=True)
     fields = fields_of_line(head)
-    assert fields["versions"]["numpy"] == version("numpy")
-    fields["versions"]["numpy"] = "1.0"
+    assert fields["versions"][package] == version(package)
+    fields["versions"][package] = "1.0"
     (folder / JOURNAL).write_bytes(b"".join([checked_line(fields), *runs]))
     with pytest.raises(DataError) as caught, Journal(folder, short_campaign(), resume=True):
         pass
-    assert "numpy 1.0" in caught.value.value
+    assert f"{package} 1.0" in caught.value.value
 
 
 def test_failure_that_is_not_final_is_repeated(short_campaign, tmp_path):
