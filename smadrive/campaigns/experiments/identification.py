@@ -35,6 +35,7 @@ class WireKnowledge(NamedTuple):
 
 def excited_wire(run: PlannedRun) -> WireKnowledge:
     """Excite the simulated wire, and identify it. ConfigError, TripError or IdentificationError if that fails."""
+    run = run._replace(documents=run.documents.for_excitation())
     simulated, ticks = SimulatedRig(run, simulated_wire(run), EXCITATION), list[Tick]()
     with simulated.rig as rig:
         measured = rig.measure()

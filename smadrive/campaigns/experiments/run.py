@@ -84,7 +84,7 @@ def needs_identification(run: PlannedRun) -> bool:
 def identification_key(run: PlannedRun) -> str:
     """Return a name for the identification of a run. Runs with the same name share one identification."""
     settings = run.settings
-    parts = run.documents.digest, settings.sim, settings.wire, settings.seed, settings.fit
+    parts = run.documents.excitation_digest, settings.sim, settings.wire, settings.seed, settings.fit
     return f"identification-{hashlib.sha256(repr(parts).encode()).hexdigest()[:24]}"
 
 

@@ -22,6 +22,7 @@ from smadrive.errors import ConfigError
 from smadrive.files.config import validate
 from smadrive.files.kinds import RIG, SIM, WIRE
 from smadrive.files.shipped import config_file
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig
 from smadrive.wire.data_sheet import WireDataSheet
 
@@ -38,15 +39,20 @@ SERIAL_NUMBER = 1
 class RunDocuments(NamedTuple):
     """The content of the files of one run. `sim` is the nominal wire: `wire.seed` of the run has not changed it yet.
 
-    `profiles` are the files of the profiles, which a worker reads. `digest` is the SHA-256 of this content and of the
-    profiles. It does not depend on the folder of the files.
+    `profiles` are the files of the profiles, which a worker reads. `excitation_digest` is the SHA-256 of this content
+    and of the profiles, without `displacement_from`, which only a tracking run needs. It does not depend on the folder
+    of the files.
     """
 
     rig: RigConfig
     sim: SimConfig
     data_sheet: WireDataSheet
     profiles: tuple[RunFile, ...]
-    digest: str
+    excitation_digest: str
+
+    def for_excitation(self) -> RunDocuments:
+        """Return the documents that the excitation sees: `displacement_from` has its default."""
+        return self._replace(rig=self.rig.model_copy(update={"displacement_from": DisplacementFrom.SENSOR}))
 
 
 class DocumentReader:
@@ -68,9 +74,10 @@ class DocumentReader:
         return RunDocuments(rig, sim, data_sheet, profiles, self._digest(rig, sim, data_sheet))
 
     def _digest(self, rig: RigConfig, sim: SimConfig, data_sheet: WireDataSheet) -> str:
-        """Return the digest of the content. The paths in the rig file are left out: their content stands for them."""
+        """Return `excitation_digest`. The paths in the rig file are left out: their content stands for them."""
+        left_out: Any = {"wire": True, "model": True, "displacement_from": True, "devices": {"__all__": {"profile"}}}
         texts = (
-            rig.model_dump_json(exclude={"wire": True, "model": True, "devices": {"__all__": {"profile"}}}),
+            rig.model_dump_json(exclude=left_out),
             *(self._files.profile_text(device.profile) for device in rig.devices),
             sim.model_dump_json(),
             data_sheet.model_dump_json(),

@@ -144,7 +144,7 @@ class CampaignPlan:
         digest = hashlib.sha256(self.config.model_dump_json().encode())
         digest.update(repr([axis.levels for axis in self.axes]).encode())
         for run in self._runs_by_files():
-            digest.update(run.documents.digest.encode())
+            digest.update(f"{run.documents.excitation_digest} {run.documents.rig.displacement_from}".encode())
         for path in self._named_files():
             digest.update(self._files.run_file(str(path)).digest.encode())
         return digest.hexdigest()

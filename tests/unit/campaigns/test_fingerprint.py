@@ -82,6 +82,7 @@ def change(path, before, after):
     ("name", "before", "after"),
     [
         *((name, *texts) for name, texts in CHANGES.items()),
+        ("rig.toml", "rate_hz =", 'displacement_from = "none"\nrate_hz ='),
         ("campaign.toml", "seed = [1, 2]", "seed = [1, 3]"),
         ("wire.json", "wire", "other"),
         ("table.csv", "table", "other"),

@@ -55,6 +55,15 @@ def test_runs_of_one_wire_share_an_identification(planned):
     assert groups_of(plan, {0, 2}) == [[1, 3]]
 
 
+def test_source_of_the_displacement_needs_no_identification_of_its_own(planned):
+    vary = '[[vary]]\nrig.displacement_from = ["sensor", "resistance", "none"]\n[[vary]]\nrandom_wires = 2\n'
+    plan = planned(vary)
+    assert groups_of(plan, set()) == [[0, 2, 4], [1, 3, 5]]
+    sensor, resistance = (plan.run(number).documents for number in (0, 2))
+    assert sensor.rig.displacement_from != resistance.rig.displacement_from
+    assert sensor.for_excitation() == resistance.for_excitation()
+
+
 def test_a_setting_of_the_rig_needs_an_identification_of_its_own(planned):
     plan = planned("[[vary]]\nrig.rate_hz = [10.0, 20.0]\n")
     assert identification_key(plan.run(0)) != identification_key(plan.run(1))
