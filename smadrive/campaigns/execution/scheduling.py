@@ -118,15 +118,9 @@ class _RunQueue:
             pass
 
     def _count_threads(self) -> None:
-        """Count the threads of the workers that are there now. TransportError if the scheduler is lost.
-
-        Dask gives up a worker of a local cluster that cannot restart in time, on a busy machine for example. Then start
-        another one: without workers the campaign would wait for ever.
-        """
+        """Count the threads of the workers that are there now. TransportError if the scheduler is lost."""
         if time.monotonic() - self._counted_s < COUNTED_S:
             return
-        if (local := self._client.cluster) is not None:
-            local.scale(len(local.worker_spec))
         try:
             self._threads = max(1, sum(self._client.nthreads().values()))
         except OSError:

@@ -1,9 +1,7 @@
 """Runs and identifications on the cluster: their order and their number. The cluster is in this process."""
 
 import asyncio
-from threading import Timer
 
-import dask
 import pytest
 from distributed import Client, LocalCluster, wait
 
@@ -98,25 +96,6 @@ def test_workers_that_join_later_get_runs(cluster, planned, tmp_path, monkeypatc
         conduct(client, planned(FITS), tmp_path / "folder", finished)
     assert seen[0] <= RUNS_PER_THREAD + 1
     assert RUNS_PER_THREAD + 1 < max(seen) <= 4 * RUNS_PER_THREAD + 1
-
-
-def test_worker_that_dask_has_given_up_is_replaced(cluster, planned, tmp_path, monkeypatch):
-    monkeypatch.setattr(scheduling, "COUNTED_S", 0.1)
-    workers = []
-    with dask.config.set({"distributed.deploy.lost-worker-timeout": "1 ms"}), cluster(1) as local:
-        client = Client(local)
-        gives_up = Timer(60.0, client.close)  # ends the campaign if no worker comes
-        gives_up.start()
-
-        def finished(_):
-            if not workers:
-                workers.extend(local.workers.values())
-                local.sync(workers[0].close)
-
-        with client:
-            conduct(client, planned(FITS), tmp_path / "folder", finished)
-            gives_up.cancel()
-            assert workers[0] not in local.workers.values()
 
 
 def test_identifications_are_sent_ahead_of_the_runs(cluster, planned, tmp_path):
