@@ -41,6 +41,7 @@ CONNECTS_WITHIN_S = 10.0
 
 SETTINGS = {
     "distributed.scheduler.allowed-failures": ALLOWED_FAILURES,
+    "distributed.deploy.lost-worker-timeout": "365d",  # a dead worker that starts slowly would be given up for ever
     "distributed.nanny.pre-spawn-environ": {
         **ONE_THREAD,
         "MALLOC_TRIM_THRESHOLD_": 65536,

@@ -1,9 +1,12 @@
-"""The address of a scheduler, and what a command needs to connect to it."""
+"""The address of a scheduler, what a command needs to connect to it, and the workers of a local cluster."""
+
+import time
 
 import dask
+import psutil
 import pytest
 
-from smadrive.campaigns.execution.cluster import check_address, remote_client
+from smadrive.campaigns.execution.cluster import check_address, local_client, remote_client
 from smadrive.errors import ConfigError
 
 
@@ -23,3 +26,27 @@ def test_encrypted_address_needs_certificates(settings):
         pass
     assert caught.value.where == "--scheduler"
     assert caught.value.cure
+
+
+def workers(*known):
+    """The worker processes of this process, without the `known` ones. Wait until there is one."""
+    while True:
+        children = psutil.Process().children(recursive=True)
+        found = [one for one in children if one not in known and "multiprocessing.spawn" in " ".join(one.cmdline())]
+        if found:
+            return found
+        time.sleep(0.01)
+
+
+@pytest.mark.exhaustive
+def test_killed_worker_comes_back_even_if_it_starts_slowly():
+    """Dask gives up a worker that has not come back within 15 s, unless its settings tell otherwise."""
+    with local_client(1) as client:
+        (worker,) = workers()
+        worker.kill()
+        (following,) = workers(worker)
+        following.suspend()
+        time.sleep(17.0)
+        following.resume()
+        client.wait_for_workers(1, timeout=60)
+        assert client.submit(sum, (1, 2)).result() == 3
