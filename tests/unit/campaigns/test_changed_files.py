@@ -40,7 +40,7 @@ def test_run_with_another_model_than_at_the_start_fails_and_is_repeated(campaign
     other.save(tmp_path / "wire.json")
     result = execute(campaign.run(1))
     assert (result.row["status"], result.row["error_type"]) == ("failed", "ChangedFileError")
-    assert str(tmp_path / "wire.json") in result.row["error"]
+    assert result.row["error"].startswith("wire.json: ")
     assert not result.is_final
     (tmp_path / "wire.json").write_bytes(model)
     assert execute(campaign.run(1)).row["rms_percent"] > 0.0
@@ -52,7 +52,7 @@ def test_changed_or_missing_file_is_a_failure_that_is_not_final(campaign, tmp_pa
     change(tmp_path / name)
     result = execute(campaign.run(0))
     assert result.row["error_type"] == "ChangedFileError"
-    assert str(tmp_path / name) in result.row["error"]
+    assert result.row["error"].startswith(f"{name}: ")
     assert not result.is_final
     with pytest.raises(ChangedFileError):
         logged_run(campaign.run(0))

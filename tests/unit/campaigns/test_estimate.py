@@ -34,6 +34,7 @@ record = "a.csv"
 
 
 def ticks_of_fit(folder, fit):
+    (folder / "a.csv").touch()
     (folder / "fit.toml").write_text(FIT.format(fit=fit))
     return estimate_of(load_plan(str(folder / "fit.toml"))).ticks
 
