@@ -186,6 +186,7 @@ def report(findings):
         pytest.fail("\n".join(findings), pytrace=False)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("package", PACKAGES)
 def test_names_are_standard_terms(package):
     names = {name for path in FILES if path.is_relative_to(ROOT / package) for name in names_of(path)}
@@ -223,6 +224,7 @@ def test_parts_of_scipy_are_imported_at_their_first_use():
     report([str(path.relative_to(ROOT)) for path in FILES if early.search(path.read_text(encoding="utf-8"))])
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("package", PACKAGES)
 def test_class_names_are_used_once(package):
     """Private classes are not counted; the simulated device has its own name for what the driver has, too."""

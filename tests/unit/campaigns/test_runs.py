@@ -142,6 +142,7 @@ def test_log_on_a_full_disk_is_one_sentence(short_campaign, tmp_path, monkeypatc
     assert caught.value.cure
 
 
+@pytest.mark.exhaustive
 def test_log_holds_the_model_that_drove_the_wire(short_campaign, tmp_path):
     """The identified wire has another model than the Duhem model that is fitted to its record."""
     heating_c, cooling_c = np.linspace(20.0, 130.0, 200), np.linspace(130.0, 20.0, 200)

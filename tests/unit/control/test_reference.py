@@ -222,6 +222,7 @@ def test_table_contains_all_of_the_fastest_swings(spec, length):
     assert np.abs(turns).sum() == 2 * (round(reference.duration_s / 0.1) - 1)
 
 
+@pytest.mark.exhaustive
 def test_reference_of_a_day_is_accepted():
     assert Reference.from_samples([0, 43_200, 86_400], [0, 1, 0]).with_approach(0.5, 10.0).duration_s == 86_410.0
     assert parse_reference("sine:low_mm=1,high_mm=2,period_s=43200").duration_s == 86_400.0

@@ -72,6 +72,7 @@ def random_outcomes(config, seed):
     return outcomes
 
 
+@pytest.mark.exhaustive
 def test_random_faults_depend_on_the_seed_alone(config):
     first = random_outcomes(config, 1)
     assert first == random_outcomes(config, 1)

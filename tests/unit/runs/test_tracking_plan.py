@@ -69,6 +69,7 @@ def test_cycles_that_are_smoothed_again_have_a_caveat():
     assert plan.nearest is not plan.given
 
 
+@pytest.mark.exhaustive
 def test_reference_that_is_repeated_already_runs_with_all_its_cycles():
     swing = sine(low_mm=2.0, high_mm=6.0, period_s=12.0, cycles=1.0)
     plan = planned(swing.repeated(5, 10.0))

@@ -117,6 +117,7 @@ def stop_builder(rig, *, from_s, to_s):
     rig.do(to_s, lambda: setattr(rig.builder, "is_stopped", False))
 
 
+@pytest.mark.exhaustive
 def test_arm_that_waits_too_long_is_refused_and_does_not_heat_later(rig):
     rig.at(0.5, "arm")
     rig.at(1.0, "track", reference="sine")
