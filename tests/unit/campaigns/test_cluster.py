@@ -28,13 +28,19 @@ def test_encrypted_address_needs_certificates(settings):
     assert caught.value.cure
 
 
-def workers(*known):
-    """The worker processes of this process, without the `known` ones. Wait until there is one."""
+def is_worker(process):
+    try:
+        return "multiprocessing.spawn" in " ".join(process.cmdline())
+    except psutil.Error:  # it has just ended
+        return False
+
+
+def new_worker(known=None):
+    """The worker process of this process that is not `known`. Wait until there is one."""
     while True:
-        children = psutil.Process().children(recursive=True)
-        found = [one for one in children if one not in known and "multiprocessing.spawn" in " ".join(one.cmdline())]
-        if found:
-            return found
+        for child in psutil.Process().children(recursive=True):
+            if child != known and is_worker(child):
+                return child
         time.sleep(0.01)
 
 
@@ -42,9 +48,9 @@ def workers(*known):
 def test_killed_worker_comes_back_even_if_it_starts_slowly():
     """Dask gives up a worker that has not come back within 15 s, unless its settings tell otherwise."""
     with local_client(1) as client:
-        (worker,) = workers()
+        worker = new_worker()
         worker.kill()
-        (following,) = workers(worker)
+        following = new_worker(worker)
         following.suspend()
         time.sleep(17.0)
         following.resume()
