@@ -1,4 +1,4 @@
-"""What a command prints around a run: how long it takes, which log it writes, its metrics also after a trip."""
+"""What a command prints around a run: its length and its log before it, its metrics after it, also after a trip."""
 
 from __future__ import annotations
 
