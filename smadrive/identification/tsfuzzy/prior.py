@@ -43,7 +43,7 @@ class Prior:
         for rising in (True, False):
             a, b = model.local_laws(inside, rising=rising)
             total = np.minimum(np.abs(a) * (upper - lower), _LARGEST_PRIOR)
-            share = np.clip(np.divide(b, -a, out=np.zeros_like(b), where=a < 0), 0.0, 1.0)  # far from the loop a is 0
+            share = np.clip(np.divide(b, -a, out=np.zeros_like(b), where=a != 0), 0.0, 1.0)  # far from the loop a is 0
             rates += [total * share, total * (1 - share)]
         self.rates = np.array(rates)
         self._slopes = np.gradient(self.rates, self.grid, axis=1)
