@@ -13,7 +13,7 @@ name = "reader"
 profile = "delta-dtb"
 url = "{reader}"
 [limits]
-current_max_a = 0.6
+current_max_a = 0.4
 temperature_max_c = 135.0
 voltage_max_v = 15.0
 watchdog_s = 1.0

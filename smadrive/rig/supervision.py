@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf
+from math import exp, inf
 from typing import NamedTuple
 
 from smadrive.clock import Clock
@@ -33,9 +33,17 @@ CONTRADICTS_S = 2.0
 SAMPLED = 0.5
 """Longest time between two temperature readings, as a fraction of the wire's time constant."""
 
+READINGS_TO_TRIP = 2
+"""A temperature above its limit trips when this number of readings show it (see the supervisor)."""
+
+LARGEST_EXCESS_K = 60.0
+"""Largest excess of the wire over temperature_max_c at a trip, K. A wire limited to 135 °C then stays below 200 °C."""
+
 FRESH, FRESH_PERIODS = 0.25, 1.5
 """A displacement is fresh up to this fraction of the wire's time constant, and at least for this number of periods of
 the loop: then one lost reply of a sensor that is read in every period does not make its displacement old."""
+
+FASTER = "raise rate_hz of the rig, and of the thermometer if it has one, or use a faster thermometer"
 
 RATE_EXCHANGES = 4
 """Number of exchanges that are timed before the loop starts, to check that the devices keep up with its rate."""
@@ -143,8 +151,11 @@ def _safety_limits(config: RigConfig, settle_s: float, lag_s: float, fresh_s: fl
 def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) -> None:
     """Raise ConfigError if the wire can overheat between two temperature readings.
 
-    The loop reads the temperature at most once per period. A heat source with a temperature limit of its own needs no
-    reading of the loop: it compares its measurements with this limit itself.
+    The loop reads the temperature at most once per period. At current_max_a the wire approaches a settled temperature
+    T∞. After it has passed the limit T_max, it is hotter by (T∞ - T_max)(1 - exp(-t/τ)) at the time t.
+
+    A heat source with a temperature limit of its own needs no reading of the loop: it compares its measurements with
+    this limit itself.
     """
     if heater.has_temperature_limit:
         return
@@ -155,5 +166,21 @@ def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) 
             where=f"rig '{config.name}'",
             value=f"read every {distinct(period_s, most_s)} s",
             limit=f"{distinct(most_s, period_s)} s",
-            cure="raise rate_hz of the rig, and of the thermometer if it has one, or use a faster thermometer",
+            cure=FASTER,
         )
+    excess_k = _settled_c(balance, config.limits.current_max_a) - config.limits.temperature_max_c
+    excess_k *= 1.0 - exp(-READINGS_TO_TRIP * period_s / balance.time_constant_s)
+    if excess_k > LARGEST_EXCESS_K:
+        raise ConfigError(
+            f"at current_max_a the wire exceeds temperature_max_c too far before {READINGS_TO_TRIP} readings show it",
+            where=f"rig '{config.name}'",
+            value=f"by {excess_k:.0f} K, read every {period_s:.3g} s",
+            limit=f"{LARGEST_EXCESS_K:g} K",
+            cure=f"lower current_max_a, or {FASTER}",
+        )
+
+
+def _settled_c(balance: HeatBalance, current_a: float) -> float:
+    """Return the temperature that the wire approaches at a constant current, °C."""
+    ohm = max(balance.resistance_ohm(0.0), balance.resistance_ohm(1.0))
+    return balance.ambient_c + current_a**2 * ohm / balance.loss_w_per_k

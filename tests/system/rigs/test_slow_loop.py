@@ -8,10 +8,10 @@ from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 
 
-def slow_rig(name, device_rates_hz=None):
-    """Return the shipped rig on simulated devices, with a loop of 0.5 Hz and with other rates of its sensors."""
+def slow_rig(name, device_rates_hz=None, rate_hz=0.5):
+    """Return the shipped rig on simulated devices, with a slow loop and with other rates of its sensors."""
     document = load_rig(name).at("sim://flexinol-lt-0.15mm").model_dump(exclude_none=True, exclude={"feedback"})
-    document["rate_hz"] = 0.5
+    document["rate_hz"] = rate_hz
     document["limits"] |= {"watchdog_s": 10.0}
     for device in document["devices"]:
         if device["name"] in (device_rates_hz or {}):
@@ -34,6 +34,17 @@ def test_loop_that_reads_the_temperature_too_seldom_is_refused(name, device_rate
     assert refused.value.where == f"rig '{rig.config.name}'"
     assert refused.value.value == "read every 2 s"
     assert float(refused.value.limit.removesuffix(" s")) < 2.0
+
+
+@pytest.mark.parametrize(("rate_hz", "is_refused"), [(2.0, True), (10.0, False)])
+def test_loop_in_which_the_wire_gets_far_beyond_its_limit_is_refused(rate_hz, is_refused):
+    with slow_rig("tclab", rate_hz=rate_hz) as rig:
+        if is_refused:
+            with pytest.raises(ConfigError) as refused:
+                heat(rig)
+            assert refused.value.limit == "60 K"
+        else:
+            assert heat(rig).trips == 0
 
 
 def test_board_that_limits_the_temperature_itself_may_be_read_seldom():

@@ -29,7 +29,7 @@ def rig_of(devices, rate_hz=4.0, **limits):
     base = load_rig("in-process").model_dump(exclude_none=True, exclude={"feedback"})
     base["devices"] = devices
     base["rate_hz"] = rate_hz
-    base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0} | limits
+    base["limits"] |= {"current_max_a": 0.4, "voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0} | limits
     return RigConfig.model_validate(base)
 
 
@@ -257,7 +257,7 @@ def test_any_supply_heats_the_wire_under_its_own_protections(profile):
         assert last.current_a == pytest.approx(0.25, abs=0.011)
         assert last.temperature_c > 60.0
         supply = rig.devices["supply"]
-        for role, limit in (("ovp", 15.0), ("ocp", 0.6)):
+        for role, limit in (("ovp", 15.0), ("ocp", 0.4)):
             if (name := getattr(supply.profile.roles, role)) is not None:
                 assert supply.read((name,))[name].value == pytest.approx(1.1 * limit, rel=0.02)
 

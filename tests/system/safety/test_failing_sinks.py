@@ -43,7 +43,7 @@ class Scene:
         base = load_rig("in-process").model_dump(exclude_none=True)
         if kind == "supply":
             base |= {"devices": SUPPLY, "rate_hz": 4.0}
-            base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0}
+            base["limits"] |= {"current_max_a": 0.4, "voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0}
         config = RigConfig.model_validate(base)
         self.bench = SimulatedBench(load_sim("flexinol-lt-0.15mm"), seed=5)
         clock = VirtualClock()

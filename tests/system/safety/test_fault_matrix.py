@@ -180,7 +180,7 @@ def supply_rig():
         {"name": "reader", "profile": "autonics-tk", "url": "sim://bench"},
     ]
     base["rate_hz"] = 4.0
-    base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0}
+    base["limits"] |= {"current_max_a": 0.4, "voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0}
     return RigConfig.model_validate(base)
 
 

@@ -104,7 +104,7 @@ class Scene:
             {"name": "reader", "profile": "autonics-tk", "url": "sim://bench"},
         ]
         base["rate_hz"] = 1.0 / PERIOD_S
-        base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0}
+        base["limits"] |= {"current_max_a": 0.4, "voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0}
         config = RigConfig.model_validate(base)
         self.bench = SimulatedBench(load_sim(SIM), seed=5)
         clock = VirtualClock()
