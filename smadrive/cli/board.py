@@ -10,9 +10,10 @@ import typer
 
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.errors import ConfigError, DataError
-from smadrive.rig.ports.board_calibration import HeldCurrent, calibrate_board_at
+from smadrive.rig.ports.board_calibration import CONSTANTS, HeldCurrent, calibrate_board_at
 from smadrive.rig.ports.board_check import check_board_at, error_of
-from smadrive.runs.log.reader import read_log
+from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.run_log import BOARD_CONSTANTS
 
 Port = Annotated[str, typer.Argument(help="/dev/ttyUSB0 or rtu+tcp://host:port", metavar="PORT")]
 
@@ -21,6 +22,8 @@ SETTLED = 0.5
 """This share of the log, from its beginning, is left out, because the current may still settle."""
 STEADY = 0.02
 """Largest allowed range of `in_force_a` in the rest of the log, as a share of its maximum."""
+
+RECORD = "record the log with `smadrive heat RIG --current 0.3 --for 60`"
 
 
 class BoardAction(StrEnum):
@@ -64,10 +67,10 @@ def main(
             raise ConfigError("these options belong to calibrate", where=where, cure=cure)
         _check(output, port)
     elif log is None or current_a is None or voltage_v is None:
-        cure = "record the log with `smadrive heat RIG --current 0.3 --for 60`, and give what the multimeters show"
+        cure = f"{RECORD}, and give what the multimeters show"
         raise ConfigError("calibrate needs --log, --current and --voltage", where="board calibrate", cure=cure)
     else:
-        _calibrate(output, port, _held_current(log, current_a, voltage_v))
+        _calibrate(output, port, read_log(log), current_a, voltage_v)
 
 
 def _check(output: Output, port: str) -> None:
@@ -83,29 +86,40 @@ def _check(output: Output, port: str) -> None:
         raise error
 
 
-def _calibrate(output: Output, port: str, held: HeldCurrent) -> None:
+def _calibrate(output: Output, port: str, log: Log, current_a: float, voltage_v: float) -> None:
+    held, constants = _held_current(log, current_a, voltage_v), _constants(log)
     with output.progress("calibrating the board"):
-        gains = calibrate_board_at(port, held)
+        gains = calibrate_board_at(port, held, constants)
     output.table(("register", "value"), [(name, f"{gain:.4f}") for name, gain in gains.items()])
-    output.say(f"{port}: calibrated, and saved; record a new log before the next calibration")
+    output.say(f"{port}: calibrated, and saved; record a new log to check it")
     output.result({"port": port, **gains})
 
 
-def _held_current(path: Path, current_a: float, voltage_v: float) -> HeldCurrent:
+def _held_current(log: Log, current_a: float, voltage_v: float) -> HeldCurrent:
     """Return the means over the settled part of the log, with the readings of the multimeters.
 
     DataError if the current in this part is not constant.
     """
-    log = read_log(path)
     set_a, shown_a, shown_v = (log.column(name) for name in ("in_force_a", "current_a", "voltage_v"))
     settled = slice(int(SETTLED * len(set_a)), -1)
     held = set_a[settled]
     if len(held) == 0 or held.max() - held.min() > STEADY * held.max():
         raise DataError(
             "the current of this log is not constant",
-            where=path,
-            cure="record it with `smadrive heat RIG --current 0.3 --for 60`",
+            where=log.path,
+            cure=RECORD,
         )
     return HeldCurrent(
         float(held.mean()), float(shown_a[settled].mean()), current_a, float(shown_v[settled].mean()), voltage_v
     )
+
+
+def _constants(log: Log) -> dict[str, float]:
+    """Return serial number and calibration constants of the board during the log. DataError if the log has none."""
+    if BOARD_CONSTANTS not in log.metadata:
+        raise DataError(
+            "this log has no calibration constants of a board, because another command or an earlier version wrote it",
+            where=log.path,
+            cure=RECORD,
+        )
+    return log.parsed(BOARD_CONSTANTS, lambda values: {name: float(values[name]) for name in CONSTANTS})

@@ -22,12 +22,14 @@ from smadrive.files.kinds import TABLE
 from smadrive.identification.excitation import Excitation, check_may_excite
 from smadrive.rig.config_checks import check_step
 from smadrive.rig.controllers import step_controller
+from smadrive.rig.ports.board_calibration import board_constants
 from smadrive.rig.rig import Rig
 from smadrive.rig.supervision import wire_checks
 from smadrive.runs.cycling.cycles import CycleEvents
 from smadrive.runs.health.assessment import expected_of, wire_file_of
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_log import (
+    BOARD_CONSTANTS,
     WIRE_FILE,
     TickRecorder,
     record_controller,
@@ -101,14 +103,16 @@ def observe(rig: Rig, duration_s: float, record: TickHandler, is_ended: StopRequ
 
 
 def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetrics:
-    """Run a manual step and record it in `log_file`, with its caveats.
+    """Run a manual step and record it in `log_file`, with its caveats and the calibration constants of the board.
 
     ConfigError if the step exceeds a limit of the rig, TripError after a trip.
     """
-    caveats = planned_step_caveats(rig, step)
+    notes = {"caveats": json.dumps(planned_step_caveats(rig, step))}
+    if constants := board_constants(rig.devices.values()):
+        notes |= {BOARD_CONSTANTS: json.dumps(constants)}
     controller = step_controller(rig.config, step, rig.nominal_balance)
     with (
-        record_step(log_file, rig, step, caveats=json.dumps(caveats)) as recorder,
+        record_step(log_file, rig, step, **notes) as recorder,
         watch(recorder, step.duration_s) as record,
     ):
         return rig.drive(controller, rig.nominal_balance, record)

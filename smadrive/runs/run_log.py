@@ -39,6 +39,9 @@ BY_SENSOR = "the displacement sensor is valid again and used"
 WIRE_FILE = "wire_file"
 """Name of the metadata text with the path of the wire file. A log has no such text if its run used no wire file."""
 
+BOARD_CONSTANTS = "board_constants"
+"""Name of the metadata text with serial number and calibration constants of the board during a manual step, as JSON."""
+
 _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 
 

@@ -5,12 +5,13 @@
     voltage_gain     <- voltage_gain · (true - voltage_offset) / (shown - voltage_offset)
 
 `set` is the commanded value, `true` the reading of a multimeter, and `shown` the value that the board measured. The
+constants on the right are those of the log, so a second calibration with the same log gives the same gains. The
 offsets stay. docs/sma-reference.md, "Calibration", has the equations of the board.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from smadrive.devices.device import Device
@@ -28,7 +29,17 @@ _UNIT_HINTS = {
     **dict.fromkeys(("source_gain", "current_gain"), "is it in milliamperes? give it in A"),
     "voltage_gain": "is it in millivolts? give it in V",
 }
-_READ = ("current_gain", "current_offset", "voltage_gain", "voltage_offset", "source_gain", "source_offset")
+SERIAL_NUMBER = "serial_number"
+CONSTANTS = (
+    SERIAL_NUMBER,
+    "current_gain",
+    "current_offset",
+    "voltage_gain",
+    "voltage_offset",
+    "source_gain",
+    "source_offset",
+)
+"""The registers of serial number and calibration. A board of map version 1 lacks some of them."""
 
 
 class HeldCurrent(NamedTuple):
@@ -72,19 +83,41 @@ def new_gains(constants: Mapping[str, float], held: HeldCurrent) -> dict[str, fl
     return gains
 
 
-def calibrate_board_at(port: str, held: HeldCurrent) -> dict[str, float]:
+def board_constants(devices: Iterable[object]) -> dict[str, float]:
+    """Return serial number and calibration constants of the board among `devices`; empty if none has such constants."""
+    for device in devices:
+        if isinstance(device, Device) and device.profile.registers.keys() >= {*CONSTANTS}:
+            return {name: reading.value for name, reading in device.read(CONSTANTS, proved=True).items()}
+    return {}
+
+
+def calibrate_board_at(port: str, held: HeldCurrent, recorded: Mapping[str, float]) -> dict[str, float]:
     """Write new gains into the board at `port` and save them. Return the gains by register.
 
-    ConfigError for the reasons of `new_gains`; BusyError when the port is in use; ExceptionReply while the board is
+    `recorded` are the `board_constants` while the board held the current. ConfigError for the reasons of `new_gains`,
+    and if the board has another serial number; BusyError when the port is in use; ExceptionReply while the board is
     armed.
     """
     with open_board(port) as (transport, profile):
         device = Device(profile, ModbusClient(transport))
         device.check_identity()
-        constants = {name: reading.value for name, reading in device.read(_READ, proved=True).items()}
-        gains = new_gains(constants, held)
+        _check_same_board(device, recorded)
+        gains = new_gains(recorded, held)
         for name, gain in gains.items():
             device.write(name, gain)
         (key,) = profile.register("calibration_save").enum
         device.write("calibration_save", key)
         return gains
+
+
+def _check_same_board(device: Device, recorded: Mapping[str, float]) -> None:
+    expected = recorded[SERIAL_NUMBER]
+    found = device.read((SERIAL_NUMBER,), proved=True)[SERIAL_NUMBER].value
+    if found != expected:
+        raise ConfigError(
+            "the log is of another board",
+            where="--log",
+            value=f"the board at this port has the serial number {found:.0f}",
+            limit=f"{expected:.0f}",
+            cure="connect that board, or record a log with this one",
+        )
