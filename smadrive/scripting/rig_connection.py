@@ -119,7 +119,13 @@ class RigConnection:
         if not self.is_open:
             return "closed"
         owner = self._client.owner
-        return (self._client.ending or "open, heater off") if owner.is_present else f"open in process {owner.pid}"
+        if not owner.is_present:
+            return f"open in process {owner.pid}"
+        if self._client.ending:
+            return self._client.ending
+        if self._servo is not None and self._servo.is_running:
+            return "open, a servo controls the heater"
+        return "open, busy with a request" if self._client.is_busy else "open, idle"
 
     def __repr__(self) -> str:
         facts = ", ".join(f"{name} {value}" for name, value in self.facts())

@@ -110,6 +110,11 @@ class LoopClient:
         return self._is_lost
 
     @property
+    def is_busy(self) -> bool:
+        """True while a request is carried out. The wire may then be heated."""
+        return self._one_call.locked()
+
+    @property
     def ending(self) -> str:
         """Text that says that the loop process has ended, and what to do; empty while the process runs."""
         if not self._is_lost:

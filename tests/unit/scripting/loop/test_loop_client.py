@@ -10,7 +10,7 @@ import pytest
 from marks import exhaustive
 
 from smadrive.scripting.loop.loop_client import LoopClient
-from smadrive.scripting.loop.messages import COMMAND
+from smadrive.scripting.loop.messages import COMMAND, Result
 
 LONG, MANY = 100_000, 200
 """Length of the messages, which are longer than one write to a pipe, and their number per thread."""
@@ -103,3 +103,13 @@ def test_cut_message_ends_the_loop_process(client, far, error):
         signal.signal(signal.SIGUSR1, handler)
     client._send(COMMAND + b"stop")
     assert has_ended(far)
+
+
+def test_client_is_busy_until_the_reply_arrives(client, far):
+    calling = threading.Thread(target=client.call, args=(None,))
+    calling.start()
+    far.recv_bytes()
+    assert client.is_busy
+    client._replies[client._number] = Result(None)
+    calling.join()
+    assert not client.is_busy
