@@ -18,6 +18,7 @@ from smadrive.errors import MotionError
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
 from smadrive.rig.config import LimitsConfig
+from smadrive.runs.health.recording import record_health
 from smadrive.runs.log.reader import read_log
 from smadrive.scripting.arguments import (
     check_displacement_within,
@@ -75,7 +76,9 @@ class Servo:
         self._followers: dict[int, TickHandler] = {}
         self._latest: Tick | None = None
         self._driven: DrivenRun | None = None
+        self._warnings: tuple[str, ...] = ()
         self._error: BaseException | None = None
+        self._is_replied = threading.Event()
         self._began_unix_s = 0.0
         client.on_report = self._receive
         request = ServoRequest(self._id, log_file.absolute(), wire)
@@ -189,7 +192,7 @@ class Servo:
         self._client.owner.check()
         if self.is_running:
             raise MotionError("still runs", where="servo", cure="stop it first")
-        return Run(read_log(self.log_file), self._driven)
+        return Run(read_log(self.log_file), self._driven, self._warnings)
 
     def __repr__(self) -> str:
         return f"Servo({self.log_file}, {'running' if self.is_running else 'ended'})"
@@ -208,17 +211,19 @@ class Servo:
         self.request_end()
         if is_callback():
             return
-        self._thread.join(STOPS_WITHIN_S)
-        if self._thread.is_alive():
+        if not self._is_replied.wait(STOPS_WITHIN_S):
             self._client.kill()
-            self._thread.join()
+        self._thread.join()
 
     def _run(self, request: ServoRequest) -> None:
-        """Wait for the end of the run, and end all motions that are left."""
+        """Wait for the end of the run, add the run to the health record, and end all motions that are left."""
         try:
             self._driven = self._client.call(request)
         except BaseException as error:  # noqa: BLE001 (raised by `stop`, and by each motion)
             self._error = error
+        self._is_replied.set()
+        try:
+            self._warnings = record_health(self.log_file)
         finally:
             self._motions.end(self._error or run_ended())
 

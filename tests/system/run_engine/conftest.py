@@ -1,6 +1,7 @@
 """A run engine, a wire as its device, and the documents of a run, validated by event-model."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -68,9 +69,14 @@ def rig(tmp_path_factory):
     os.chdir(before)
 
 
+def _wire_without_file(identified):
+    """The identified wire, without its file: the runs of these tests add to no health record."""
+    return replace(load_wire(identified.wire_file), source="")
+
+
 @pytest.fixture
 def wire(rig, identified):
-    device = SmaWire(rig, load_wire(identified.wire_file), name="wire", tolerance_mm=0.2)
+    device = SmaWire(rig, _wire_without_file(identified), name="wire", tolerance_mm=0.2)
     yield device
     device.stop()
 
@@ -79,6 +85,6 @@ def wire(rig, identified):
 def other_wire(rig, identified):
     """A second wire, on a rig of its own, whose logs go into the same folder."""
     with smadrive.open_rig("in-process") as other_rig:
-        device = SmaWire(other_rig, load_wire(identified.wire_file), name="other", tolerance_mm=0.2)
+        device = SmaWire(other_rig, _wire_without_file(identified), name="other", tolerance_mm=0.2)
         yield device
         device.stop()

@@ -1,5 +1,6 @@
 """A servo holds the wire and moves it to setpoints that the script gives while the loop runs."""
 
+import shutil
 import threading
 from dataclasses import replace
 from itertools import pairwise
@@ -13,12 +14,14 @@ from smadrive.errors import ConfigError, MotionError, SafetyError, TripError
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
 from smadrive.safety.shutdown import shutdown_of
+from smadrive.wire.health.record import read_health
 from smadrive.wire.identified_wire import load_wire
 
 
 @pytest.fixture(scope="module")
 def wire(identified):
-    return load_wire(identified.wire_file)
+    """The identified wire, without its file: the runs of these tests add to no health record."""
+    return replace(load_wire(identified.wire_file), source="")
 
 
 @pytest.fixture
@@ -141,6 +144,13 @@ def test_rig_is_busy_while_a_servo_runs(rig, servo):
     assert isinstance(late.exception(), MotionError)
 
 
+def test_state_of_the_rig_names_the_servo(rig, servo):
+    running = dict(rig.facts())["state"]
+    servo.stop()
+    assert "servo" in running
+    assert dict(rig.facts())["state"] not in {running, "closed"}
+
+
 def test_callbacks_are_called_once(servo):
     called = []
     motion = servo.move(3.0)
@@ -223,6 +233,16 @@ def test_closing_the_rig_ends_its_servo(wire, tmp_path):
         servo.move(3.0).wait()
     assert not servo.is_running
     assert servo.run.log.ended_by == ""
+
+
+def test_run_of_a_servo_adds_to_the_health_record_of_its_wire(rig, identified, tmp_path):
+    wire_file = shutil.copy(identified.wire_file, tmp_path / "wire.json")
+    with rig.servo(load_wire(wire_file), tmp_path / "servo.h5") as servo:
+        for setpoint_mm in (8.0, 2.0):
+            servo.move(setpoint_mm).wait()
+    assert servo.run.caveats == ()
+    run = read_health(wire_file).entries[-1]
+    assert (run.log, run.cycles, run.tripped) == ("servo.h5", 1.0, False)
 
 
 @pytest.fixture
