@@ -13,7 +13,7 @@ from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.terminal.stdout import use_stderr_if_stdout_fails
 from smadrive.errors import SafetyError
 from smadrive.rig.switching_off.guardians import notes_waiting_guardians, waiting_guardians
-from smadrive.rig.switching_off.switch_off import SwitchedOff, switch_off
+from smadrive.rig.switching_off.switch_off import SwitchedOff, stopped_before, switch_off
 
 ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults; remove the cause first.")]
 
@@ -21,14 +21,19 @@ ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear la
 def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = False) -> None:
     """Emergency stop: stop the driver of RIG, if one runs, and switch the heater off, confirmed by read-back.
 
-    The exit code is 0 only if the heater is confirmed off, and every other device is in its safe state. With --json,
-    `safe` is true only then, and `failure` holds the error otherwise. If standard output cannot be written, the text
-    goes to standard error, and the exit code stays the same.
+    The exit code is 0 only if the heater is confirmed off, every other device is in its safe state, and no fault
+    persists that should be cleared. With --json, `safe` is true if the heater is confirmed off and every other device
+    is in its safe state; `failure` holds the error if the exit code is not 0. If standard output cannot be written, the
+    text goes to standard error, and the exit code stays the same.
     """
     use_stderr_if_stdout_fails()
     output = Output(as_json)
     with notes_waiting_guardians():
-        off = switch_off(rig, clear_faults=clear_faults)
+        try:
+            off = switch_off(rig, clear_faults=clear_faults)
+        except Exception as unconfirmed:
+            output.result(_unconfirmed(rig, unconfirmed))
+            raise
     waiting, warnings = _waiting_guardians((*off.warnings, *_simulated(off)))
     for driver in off.stopped:
         output.say(str(driver))
@@ -40,6 +45,7 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
         output.say(guardian)
     output.warn(warnings)
     failure = _failure(off)
+    error = failure or off.uncleared
     output.result(
         {
             "rig": off.rig,
@@ -47,14 +53,30 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
             "simulated": off.simulated,
             "stopped_drivers": [asdict(driver) for driver in off.stopped],
             "safe": failure is None,
-            "failure": None if failure is None else str(failure),
+            "failure": None if error is None else str(error),
             "faults": off.latched,
             "waiting_guardians": waiting,
             "warnings": warnings,
         }
     )
-    if failure is not None:
-        raise failure
+    if error is not None:
+        raise error
+
+
+def _unconfirmed(rig: str, error: Exception) -> dict[str, object]:
+    """Return the JSON object for a heater that is not confirmed off, with the error of `switch_off`."""
+    waiting, warnings = _waiting_guardians(())
+    return {
+        "rig": rig,
+        "devices": (),
+        "simulated": (),
+        "stopped_drivers": [asdict(driver) for driver in stopped_before(error)],
+        "safe": False,
+        "failure": str(error),
+        "faults": (),
+        "waiting_guardians": waiting,
+        "warnings": warnings,
+    }
 
 
 def _failure(off: SwitchedOff) -> Exception | None:
@@ -84,8 +106,8 @@ def _simulated(off: SwitchedOff) -> Iterator[str]:
 def _waiting_guardians(warnings: tuple[str, ...]) -> tuple[list[str], list[str]]:
     """Return a sentence for each guardian that still waits for its device, and `warnings` as a list.
 
-    If the state folder is unreadable, the guardians are unknown. Then add a warning, and raise no error, because the
-    heater is already off.
+    If the state folder is unreadable, the guardians are unknown. Then add a warning, and raise no error, which would
+    hide whether the heater is off.
     """
     try:
         return waiting_guardians(), [*warnings]

@@ -36,6 +36,9 @@ from smadrive.rig.switching_off.each import each
 from smadrive.rig.switching_off.off_config import OffConfig, load_off_config
 from smadrive.safety.shutdown import ShutdownOutcome, carry
 
+_STOPPED_AS = "stopped_drivers"
+"""The name of the attribute of an error that holds the drivers that were stopped before it."""
+
 
 @dataclass(frozen=True)
 class SwitchedOff:
@@ -47,6 +50,7 @@ class SwitchedOff:
     simulated    names of the `devices` that this process simulates (sim://); simulated devices of other processes are
                  not switched off
     latched      faults that stay latched
+    uncleared    first error of a heat source whose faults should be cleared, but were not; None without error
     warnings     TOML errors of the rig file outside its devices, and guardians that could not be relieved
     displaced    guardians that wait at a port of this rig for another device, which may still heat elsewhere
     failure      first error in the devices of the rig file, or else of a device that does not heat; None without error
@@ -58,6 +62,7 @@ class SwitchedOff:
     devices: tuple[str, ...]
     simulated: tuple[str, ...]
     latched: tuple[str, ...]
+    uncleared: Exception | None
     warnings: tuple[str, ...]
     displaced: tuple[str, ...]
     failure: Exception | None
@@ -83,7 +88,8 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
 
     If a heat source cannot be confirmed off, the reason is raised after all other devices were tried. An error before
     all heat sources are confirmed off carries a ShutdownOutcome that is not confirmed. The first signals during this
-    time have no effect (see HeldSignals). SafetyError when a fault that must be cleared persists.
+    time have no effect (see HeldSignals). The error of faults that
+    persist is not raised, but returned as `uncleared`: the heater is off all the same.
     """
     with ExitStack() as stack:
         stopped: list[StoppedDriver] = []
@@ -110,26 +116,36 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
             _check_complete(config, off, (refused if failure else None) or failure or (None if off else unreadable))
         warnings = (*map(str, config.mistakes), *_relieve_guardians(off))
         displaced = tuple(_displaced(off))
-        if clear_faults:
-            for one in off:
-                _clear(one)
-    latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
+        cleared, uncleared = each(off if clear_faults else (), _clear)
+    latched = tuple(fault for one in off if one not in cleared for fault in _latched(one))
     names = (*(one.name for one in off), *others)
     simulated = tuple(device.name for device in devices if device.is_simulated and device.name in names)
     failure = unreadable or other_failure
-    return SwitchedOff(config.name, tuple(stopped), refused, names, simulated, latched, warnings, displaced, failure)
+    return SwitchedOff(
+        config.name, tuple(stopped), refused, names, simulated, latched, uncleared, warnings, displaced, failure
+    )
 
 
 @contextmanager
 def _unconfirmed_on_error(stopped: Iterable[StoppedDriver]) -> Iterator[None]:
-    """Attach a ShutdownOutcome that is not confirmed, and the drivers `stopped`, to an error in the `with` block."""
+    """Attach a ShutdownOutcome that is not confirmed to an error in the `with` block, and the drivers `stopped`.
+
+    `stopped_before` returns these drivers. Each is also a note of the error.
+    """
     try:
         yield
     except BaseException as error:
         for driver in stopped:
             error.add_note(str(driver))
+        setattr(error, _STOPPED_AS, tuple(stopped))
         carry(error, ShutdownOutcome(error))
         raise
+
+
+def stopped_before(error: BaseException) -> tuple[StoppedDriver, ...]:
+    """Return the drivers that `switch_off` had stopped before it raised `error`."""
+    stopped: tuple[StoppedDriver, ...] = getattr(error, _STOPPED_AS, ())
+    return stopped
 
 
 def _planned(config: DeviceConfig) -> PlannedDevice:
@@ -210,8 +226,8 @@ def _latched(off: _SourceOff) -> list[str]:
     return [*off.faults, *filter(None, [off.latch.read()])]
 
 
-def _clear(off: _SourceOff) -> None:
-    """Clear the faults of the device, then its trip latch; SafetyError if a fault persists."""
+def _clear(off: _SourceOff) -> _SourceOff:
+    """Clear the faults of the device, then its trip latch, and return `off`; SafetyError if a fault persists."""
     off.source.clear_faults()
     if faults := off.source.exchange(0.0).faults:
         raise SafetyError(
@@ -221,3 +237,4 @@ def _clear(off: _SourceOff) -> None:
             cure="remove the cause first",
         )
     off.latch.clear()
+    return off

@@ -256,3 +256,26 @@ def test_board_with_silent_meters_is_not_confirmed_off_until_the_fault_is_cleare
     assert "confirmed by read-back" not in plain.stdout
     assert clearing.returncode == cleared, clearing.stderr
     assert ("confirmed by read-back" in clearing.stdout) is (cleared == 0)
+
+
+def test_off_that_confirms_nothing_prints_the_reason_as_json(tmp_path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text(SHIPPED)
+    done = off(rig, "--json")
+    told = json.loads(done.stdout)
+    assert (told["safe"], told["devices"], told["stopped_drivers"]) == (False, [], [])
+    assert told["failure"] in done.stderr
+    assert done.returncode == 3
+
+
+def test_fault_that_persists_does_not_hide_that_the_heater_is_off(tmp_path):
+    (tmp_path / "faults.toml").write_text('[[faults]]\nat_s = 0.0\nname = "open_thermocouple"\n')
+    rig = tmp_path / "rig.toml"
+    with served("--faults", str(tmp_path / "faults.toml")) as (_, url):
+        rig.write_text(BOARD.format(url=url))
+        done = off(rig, "--clear-faults", "--json")
+    told = json.loads(done.stdout)
+    assert (told["safe"], told["devices"], told["faults"]) == (True, ["board"], ["thermocouple_open"])
+    assert told["failure"] in done.stderr
+    assert done.returncode == 4
+    assert UNCONFIRMED not in done.stderr
