@@ -16,6 +16,7 @@ from smadrive.measurement import Measurement
 from smadrive.rig.calibration.description import descriptions, today
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
+from smadrive.rig.supervision import unexpected_current
 from smadrive.rig.switching_off.guardians import notes_waiting_guardians, waiting_guardians
 from smadrive.runs.health.assessment import assess, health_values
 from smadrive.wire.cold_wire import cold_wire_caveats
@@ -42,7 +43,11 @@ def main(
         wire_file = model or _model_file(config)
         found = None if wire_file is None else assess(wire_file, config.feedback)
     waiting = waiting_guardians()
-    caveats = (*open_rig.caveats, *cold_wire_caveats(measurement.temperature_c, open_rig.data_sheet.ambient_c))
+    caveats = (
+        *filter(None, [unexpected_current(config, measurement)]),
+        *open_rig.caveats,
+        *cold_wire_caveats(measurement.temperature_c, open_rig.data_sheet.ambient_c),
+    )
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is of type {identity}")
     output.table(("quantity", "value"), _rows(measurement))

@@ -89,7 +89,7 @@ def main(
                     feed = stack.enter_context(_page(open_rig, options, output))
                     takers.append(feed.tick)
                     ends.append(feed.off_requested)
-                takers.append(stack.enter_context(watched_values(config.name, output)))
+                takers.append(stack.enter_context(watched_values(config, output)))
                 with rig_use:  # frees the ports first: `smadrive off` waits for them
                     observe(open_rig, length_s, each(takers), lambda: any(is_ended() for is_ended in ends))
     finally:

@@ -11,10 +11,11 @@ from smadrive.devices.heater import Heater
 from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
-from smadrive.measurement import DisplacementFrom
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.config import RigConfig
 from smadrive.rig.plan import STALE_PERIODS
 from smadrive.safety.displacement_band import DisplacementBand
+from smadrive.safety.faults import Fault
 from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
@@ -130,6 +131,21 @@ def stale_after_s(config: RigConfig) -> float:
     return max(config.limits.stale_after_s, STALE_PERIODS / config.rate_hz)
 
 
+def unexpected_current(config: RigConfig, measurement: Measurement) -> str | None:
+    """Return a warning if current flows although no current is commanded; None without such a current.
+
+    A current that was not measured gives no warning. Use the function only while the heater is off: in a run, the
+    supervisor trips.
+    """
+    is_off, flows = measurement.in_force_a == 0.0, abs(measurement.current_a) > _current_tolerance_a(config)
+    fault = Fault.UNEXPECTED_HEATING
+    return f"{fault.cause}; {fault.remedy}" if is_off and flows else None
+
+
+def _current_tolerance_a(config: RigConfig) -> float:
+    return min(CURRENT_TOLERANCE_A, ZERO_SHARE * config.limits.current_max_a)
+
+
 def _safety_limits(config: RigConfig, settle_s: float, lag_s: float, fresh_s: float) -> SafetyLimits:
     limits = config.limits
     return SafetyLimits(
@@ -137,7 +153,7 @@ def _safety_limits(config: RigConfig, settle_s: float, lag_s: float, fresh_s: fl
         limits.temperature_min_c,
         limits.current_max_a,
         stale_after_s=stale_after_s(config),
-        current_tolerance_a=min(CURRENT_TOLERANCE_A, ZERO_SHARE * limits.current_max_a),
+        current_tolerance_a=_current_tolerance_a(config),
         settle_s=settle_s,
         displacement_min_mm=-inf if limits.displacement_min_mm is None else limits.displacement_min_mm,
         displacement_max_mm=inf if limits.displacement_max_mm is None else limits.displacement_max_mm,

@@ -73,7 +73,7 @@ class TuneView:
     def _lines(self) -> list[str]:
         status = self._channel.published
         mode = PublishedMode(status["mode"])
-        lines = [_HEATER[mode], self._pages(heats=mode.heats)]
+        lines = [status["unexpected_current"] or _HEATER[mode], self._pages(heats=mode.heats)]
         if status["fault"]:
             lines.append(f"fault: {status['fault']}")
         if status["lost"]:

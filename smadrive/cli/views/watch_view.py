@@ -14,6 +14,8 @@ from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.run_view import drawing
 from smadrive.control.loop import Tick, TickHandler
 from smadrive.display.number_text import quantity
+from smadrive.rig.config import RigConfig
+from smadrive.rig.supervision import unexpected_current
 
 WINDOW_S = 60.0
 """The time that a plot shows, s."""
@@ -61,8 +63,8 @@ class Extremes:
 class WatchView:
     """The live display: values, faults, and a plot of the last minute for temperature and displacement."""
 
-    def __init__(self, name: str, width: Callable[[], int]) -> None:
-        self._name = name
+    def __init__(self, config: RigConfig, width: Callable[[], int]) -> None:
+        self._config = config
         self._width = width
         self._latest: Tick | None = None
         self._history: deque[Tick] = deque()
@@ -78,9 +80,11 @@ class WatchView:
         """Return the text of the display at this moment."""
         tick = self._latest
         if tick is None:
-            return Text(f"{self._name}: starting")
+            return Text(f"{self._config.name}: starting")
         text = Text(overflow="fold")
-        text.append(self._name, "bold").append(f"  {tick.time_s:.1f} s, heater off; q or Ctrl-C ends the command")
+        warning = unexpected_current(self._config, tick.measurement)
+        text.append(self._config.name, "bold").append(f"  {tick.time_s:.1f} s, ")
+        text.append(warning or "heater off", "bold red" if warning else "").append("; q or Ctrl-C ends the command")
         history = tuple(self._history)
         for name, attribute, digits, unit, span in QUANTITIES:
             text.append(f"\n{name:<13}", "dim").append(_value_text(tick, attribute, digits, unit))
@@ -130,23 +134,24 @@ def _value_text(tick: Tick, attribute: str, digits: int, unit: str) -> str:
 
 
 @contextmanager
-def watched_values(name: str, output: Output) -> Iterator[TickHandler]:
+def watched_values(config: RigConfig, output: Output) -> Iterator[TickHandler]:
     """Yield the function that shows each measurement: live, as one line per second, or as a JSON object."""
     console = Console(stderr=True)
     if output.quiet:
         yield lambda tick: output.json_line({**tick.measurement._asdict(), "time_s": tick.time_s})
     elif console.is_terminal:
-        view = WatchView(name, lambda: console.width)
+        view = WatchView(config, lambda: console.width)
         with drawing(view, console):
             yield view.tick
     else:
-        yield _Lines(output).tick
+        yield _Lines(config, output).tick
 
 
 class _Lines:
     """Prints a line of values every `LINE_S`."""
 
-    def __init__(self, output: Output) -> None:
+    def __init__(self, config: RigConfig, output: Output) -> None:
+        self._config = config
         self._output = output
         self._printed_s = -inf
 
@@ -155,4 +160,6 @@ class _Lines:
             return
         self._printed_s = tick.time_s
         values = (_value_text(tick, attribute, digits, unit) for _, attribute, digits, unit, _ in QUANTITIES)
-        self._output.say(f"{tick.time_s:.1f} s: {', '.join((*values, *tick.measurement.device_faults))}")
+        warning = unexpected_current(self._config, tick.measurement)
+        problems = (*tick.measurement.device_faults, *filter(None, [warning]))
+        self._output.say(f"{tick.time_s:.1f} s: {', '.join((*values, *problems))}")

@@ -68,7 +68,7 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
     memory = status["turning_points"]
     return "".join(
         [
-            _heater_chip(PublishedMode(status["mode"])),
+            _heater_chip(status),
             _chip("limited by", ", ".join(limits) or "nothing", "warn" if limits else "calm"),
             _chip("model", f"{tuning['change']} · {certified}", "warn" if tuning["caveats"] else "calm"),
             *([_dropped_chip(memory)] if memory and memory["dropped"] else []),
@@ -80,7 +80,10 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
     )
 
 
-def _heater_chip(mode: PublishedMode) -> str:
+def _heater_chip(status: dict[str, Any]) -> str:
+    mode = PublishedMode(status["mode"])
+    if status["unexpected_current"]:
+        return _chip("heater", f"{mode}, but current flows", "bad")
     if mode is PublishedMode.UNCONFIRMED:
         return _chip("heater", mode, "bad")
     return _chip("heater", mode, "on" if mode.heats else "off")
@@ -114,14 +117,14 @@ def _dropped_chip(memory: dict[str, Any]) -> str:
 
 
 def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:
-    """Return the header line of the page of `smadrive watch` as HTML: heater off, devices, timing of the measurements.
+    """Return the header line of the page of `smadrive watch` as HTML: heater, devices, timing of the measurements.
 
     `timing` is the text of the timing. If `late` is True, the text is marked as a warning.
     """
     devices = "; ".join(f"{name}: {identity}" for name, identity in status["devices"].items())
     return "".join(
         [
-            _heater_chip(PublishedMode.OFF),
+            _heater_chip(status),
             _chip("devices", devices, "calm"),
             _chip("measurements", timing, "warn" if late else "calm"),
         ]
@@ -131,7 +134,8 @@ def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:
 def watch_banner_html(status: dict[str, Any]) -> str:
     """Return the warnings of the page of `smadrive watch` as HTML; an empty text if there are none.
 
-    The warnings are a lost device, the latched faults of device and rig, and a fault of the thermocouple.
+    The warnings are a lost device, a current that flows although the heater is off, the latched faults of device and
+    rig, and a fault of the thermocouple.
     """
     lines = _device_lines(status, clear="run `smadrive off RIG --clear-faults`")
     if status["latched"]:
@@ -144,9 +148,9 @@ def watch_banner_html(status: dict[str, Any]) -> str:
 def banner_html(status: dict[str, Any], note: str) -> str:
     """Return the banner of the tuning page as HTML, one line each; an empty text if there is nothing to show.
 
-    The lines are a heater that is not confirmed off, the fault, a lost device, latched device faults, a thermocouple
-    fault, caveats of the model, a replaced displacement sensor, drift of the wire, and `note`. `note` is a text about
-    the last action of this page, for example the reason for a refusal.
+    The lines are a heater that is not confirmed off, the fault, a lost device, a current that flows although the heater
+    is off, latched device faults, a thermocouple fault, caveats of the model, a replaced displacement sensor, drift of
+    the wire, and `note`. `note` is a text about the last action of this page, for example the reason for a refusal.
     """
     lines = []
     if status["mode"] == PublishedMode.UNCONFIRMED:
@@ -166,13 +170,16 @@ def banner_html(status: dict[str, Any], note: str) -> str:
 
 
 def _device_lines(status: dict[str, Any], clear: str) -> list[tuple[str, str]]:
-    """Return lines about a lost device, latched faults and the thermocouple, each with its CSS classes and its text.
+    """Return lines about a lost device, an unexpected current, latched faults and the thermocouple.
 
+    Each line has its CSS classes and its text.
     `clear` is the instruction for clearing latched faults.
     """
     lines = []
     if status["lost"]:
         lines.append(("bad lost", f"no answer: {status['lost']}"))
+    if status["unexpected_current"]:
+        lines.append(("bad", status["unexpected_current"]))
     if status["device_faults"]:
         latched = ", ".join(status["device_faults"])
         lines.append(("bad", f"latched on the device: {latched}; remove the cause, then {clear}"))

@@ -100,11 +100,11 @@ class Status:
         self, mode: Mode, tunings: Tunings, live: SwappableController | None, *, adapts: bool
     ) -> dict[str, Any]:
         """Return the status as values that JSON can hold. `live` is the controller that runs, or None."""
+        published = _PUBLISHED.get(mode, PublishedMode.switched_off(confirmed=self.is_safe))
         memory, source = (None, None) if live is None else (live.memory, live.source)
         return {
-            **common_status(self._config, self._identities, self.measurement),
+            **common_status(self._config, self._identities, self.measurement, published),
             **self._fixed,
-            "mode": _PUBLISHED.get(mode, PublishedMode.switched_off(confirmed=self.is_safe)),
             "refused_acts": list(refused_acts(mode)),
             "end": self.end,
             "fault": self.fault,

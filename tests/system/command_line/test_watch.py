@@ -33,6 +33,8 @@ from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.replay import replay
 
+CONFIG = load_rig("in-process")
+
 
 def watch(folder, *arguments):
     command = [sys.executable, "-m", "smadrive", "watch", *arguments]
@@ -165,12 +167,13 @@ def test_silent_device_ends_the_observation(opened):
     device.faults.clear()
 
 
-def tick(time_s, temperature_c, displacement_mm=nan, **fields):
-    return Tick(time_s, 0.0, Measurement(time_s, temperature_c, 0.0, 0.0, displacement_mm, **fields), Command(0.0))
+def tick(time_s, temperature_c, displacement_mm=nan, current_a=0.0, **fields):
+    measurement = Measurement(time_s, temperature_c, current_a, 0.0, displacement_mm, **fields)
+    return Tick(time_s, 0.0, measurement, Command(0.0))
 
 
 def test_display_has_values_plot_and_faults():
-    view = WatchView("rig", lambda: 60)
+    view = WatchView(CONFIG, lambda: 60)
     for n in range(100):
         view.tick(tick(float(n), 20.0 + n))
     view.tick(tick(100.0, nan, temperature_fault="open", device_faults=("thermocouple_open",)))
@@ -180,6 +183,13 @@ def test_display_has_values_plot_and_faults():
     for part in ("100.0 s, heater off", "open", "thermocouple_open", "displacement –", LEVELS[-1], "119.00"):
         assert part in text
     assert max(map(len, text.splitlines())) <= 60
+
+
+@pytest.mark.parametrize(("current_a", "is_off"), [(0.0, True), (0.3, False)])
+def test_display_does_not_say_that_the_heater_is_off_while_current_flows(current_a, is_off):
+    view = WatchView(CONFIG, lambda: 60)
+    view.tick(tick(1.0, 20.0, current_a=current_a))
+    assert ("heater off" in view.__rich__().plain) is is_off
 
 
 def test_plot_rises_from_the_left_to_the_present():

@@ -20,7 +20,7 @@ def test_status_of_a_session_has_every_field(rig):
     assert set(rig.status["devices"]) == {"board"}
 
 
-def test_status_of_a_watched_rig_has_every_field_and_shows_a_fault_of_its_sensor(driver_end):
+def test_status_of_a_watched_rig_has_every_field_and_shows_its_faults(driver_end):
     device, clock = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=3), VirtualClock()
     clock.follow(device.bench.advance_to)
     with Rig(load_rig("in-process"), clock, {"board": device.transport(clock)}) as rig:
@@ -29,5 +29,10 @@ def test_status_of_a_watched_rig_has_every_field_and_shows_a_fault_of_its_sensor
         device.bench.sensors.faults.open_thermocouple()
         observe(rig, 1.0, feed.tick, lambda: False)
         assert faults_message(driver_end.published)["temperature_fault"] is not None
+        assert driver_end.published["unexpected_current"] is None
+        device.bench.plant.faults.short_switch(0.3)
+        observe(rig, 2.0, feed.tick, lambda: False)
+        assert driver_end.published["unexpected_current"] is not None
+        device.bench.plant.faults.mend_heater()
         feed.end()
         assert (driver_end.published["mode"], driver_end.published["end"]) == ("off", "off")

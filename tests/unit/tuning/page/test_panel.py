@@ -46,3 +46,12 @@ def test_heater_that_is_not_confirmed_off_raises_an_alarm(rig, mode, chip, is_al
     status = {**rig.status, "mode": mode}
     assert chip in chips_html(status, "", late=False, controls=True)
     assert ("The heater could NOT be confirmed off: cut its supply." in banner_html(status, "")) is is_alarm
+
+
+def test_current_that_flows_although_the_heater_is_off_raises_an_alarm(rig):
+    rig.do(0.2, lambda: rig.device.bench.plant.faults.short_switch(0.3))
+    rig.run(until_s=1.0)
+    warning = rig.status["unexpected_current"]
+    assert rig.status["mode"] == "off"
+    assert 'bad"><i>heater<' in chips_html(rig.status, "", late=False, controls=True)
+    assert warning in banner_html(rig.status, "")

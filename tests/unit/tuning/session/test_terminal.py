@@ -77,6 +77,16 @@ def test_terminal_shows_a_fault(rig, view):
     assert "°C" not in view.values
 
 
+def test_terminal_does_not_say_that_the_heater_is_off_while_current_flows(rig, view):
+    seen = []
+    rig.do(0.2, lambda: rig.device.bench.plant.faults.short_switch(0.3))
+    rig.do(0.8, lambda: seen.append((rig.driver_end.published["mode"], view.state)))
+    rig.run(until_s=1.0)
+    ((mode, state),) = seen
+    assert mode == "off"
+    assert "heater off" not in state
+
+
 def test_terminal_tells_to_cut_the_supply_of_a_heater_that_is_not_confirmed_off(rig, view):
     rig.do(1.0, lambda: rig.device.faults.vanish(3.0))
     rig.do(1.0, rig.page.request_off)
