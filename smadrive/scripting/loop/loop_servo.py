@@ -33,9 +33,10 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 from smadrive.safety.arming_checks import check_thermocouple
-from smadrive.scripting.loop.motions import FollowMotion, MoveMotion
+from smadrive.scripting.loop.motions import FollowMotion, MoveMotion, superseded
 from smadrive.scripting.loop.servo_messages import (
     FollowCommand,
+    MotionCommand,
     MotionEnd,
     MoveCommand,
     SampleCommand,
@@ -48,6 +49,9 @@ from smadrive.wire.identified_wire import IdentifiedWire
 
 MOST_TICKS = 4096
 """Number of ticks that may wait for the script. Older ones are dropped; the log has all of them."""
+
+COMMANDS_AT_ONCE = 256
+"""Number of commands that are taken between two ticks. The others wait for the next tick."""
 
 TICKS_AT_ONCE = 32
 """Number of ticks in a report. A report is then smaller than the free space of a socket that accepts data."""
@@ -124,39 +128,50 @@ class LoopServo:
         return both
 
     def stop_requested(self) -> bool:
-        """Send reports and carry out commands. Return True after a StopCommand."""
+        """Send reports and carry out commands. Return True after a StopCommand.
+
+        At most `COMMANDS_AT_ONCE` commands are taken, and of several motions only the latest begins: a script that
+        commands faster than the loop ticks delays no tick.
+        """
         self._send()
-        while (command := self._link.next_command(self._servo_id, waits=self._waits)) is not None:
-            match command:
+        latest: MotionCommand | None = None
+        for _ in range(COMMANDS_AT_ONCE):
+            match self._link.next_command(self._servo_id, waits=self._waits and latest is None):
+                case None:
+                    break
                 case StopCommand():
                     return True
-                case SampleCommand():
-                    self._samples.append(command.number)
-                case MoveCommand():
-                    self._move(command)
-                case FollowCommand():
-                    self._follow(command)
+                case SampleCommand(number=number):
+                    self._samples.append(number)
+                case command:
+                    if latest is not None:
+                        self._ended += superseded(latest)
+                    latest = command
+        if latest is not None:
+            self._begin(latest)
         return False
 
     @property
     def _waits(self) -> bool:
         return self._is_virtual and self._motion is None and not self._samples
 
-    def _move(self, command: MoveCommand) -> None:
-        reference = moving_reference(self._swappable.setpoint_mm, command.setpoint_mm, command.speed_mm_per_s)
-        self._begin(MoveMotion(command, reference.scored_from_s), reference)
-        self._event(f"move to {command.setpoint_mm:g} mm with at most {command.speed_mm_per_s:g} mm/s")
-
-    def _follow(self, command: FollowCommand) -> None:
-        reference = command.reference.with_approach(self._swappable.setpoint_mm, APPROACH_S)
-        self._begin(FollowMotion(command._replace(reference=reference)), reference)
-        self._event(f"follow a reference of {command.reference.duration_s:g} s, after {APPROACH_S:g} s of approach")
-
-    def _begin(self, motion: MoveMotion | FollowMotion, reference: Reference) -> None:
+    def _begin(self, command: MotionCommand) -> None:
         if self._motion is not None:
             self._ended += self._motion.superseded()
-        self._motion = motion
+        reference = self._move(command) if isinstance(command, MoveCommand) else self._follow(command)
         self._swappable.swap(self._controller(reference), reference)
+
+    def _move(self, command: MoveCommand) -> Reference:
+        reference = moving_reference(self._swappable.setpoint_mm, command.setpoint_mm, command.speed_mm_per_s)
+        self._motion = MoveMotion(command, reference.scored_from_s)
+        self._event(f"move to {command.setpoint_mm:g} mm with at most {command.speed_mm_per_s:g} mm/s")
+        return reference
+
+    def _follow(self, command: FollowCommand) -> Reference:
+        reference = command.reference.with_approach(self._swappable.setpoint_mm, APPROACH_S)
+        self._motion = FollowMotion(command._replace(reference=reference))
+        self._event(f"follow a reference of {command.reference.duration_s:g} s, after {APPROACH_S:g} s of approach")
+        return reference
 
     def _controller(self, reference: Reference) -> TrackingController:
         return tracking_controller(self._rig.config, reference, self._wire, HysteresisInverse(self._wire.model))

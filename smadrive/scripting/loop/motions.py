@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from smadrive.control.loop import Tick
 from smadrive.errors import MotionError
-from smadrive.scripting.loop.servo_messages import FollowCommand, MotionEnd, MoveCommand
+from smadrive.scripting.loop.servo_messages import FollowCommand, MotionCommand, MotionEnd, MoveCommand
 
 ROUNDING_S = 1e-6
 """Largest rounding error of a time in a run."""
@@ -38,7 +38,7 @@ class MoveMotion:
 
     def superseded(self) -> Iterator[MotionEnd]:
         """Yield the end of this motion, which fails because another motion replaces it."""
-        yield MotionEnd(self._command.number, _superseded(f"move to {self._command.setpoint_mm:g} mm"))
+        return superseded(self._command)
 
     def _not_reached(self, error_mm: float) -> MotionError:
         command = self._command
@@ -80,9 +80,17 @@ class FollowMotion:
 
     def superseded(self) -> Iterator[MotionEnd]:
         """Yield the ends of those of the two motions that have not ended. They fail: another motion replaces them."""
-        numbers = (self._command.number,) if self._is_begun else (self._command.begun_number, self._command.number)
-        for number in numbers:
-            yield MotionEnd(number, _superseded("reference"))
+        ends = superseded(self._command)
+        return (end for end in ends if not (self._is_begun and end.number == self._command.begun_number))
+
+
+def superseded(command: MotionCommand) -> Iterator[MotionEnd]:
+    """Yield the ends of the motions of a command before they begin. They fail: another motion replaces them."""
+    if isinstance(command, MoveCommand):
+        yield MotionEnd(command.number, _superseded(f"move to {command.setpoint_mm:g} mm"))
+    else:
+        yield MotionEnd(command.begun_number, _superseded("reference"))
+        yield MotionEnd(command.number, _superseded("reference"))
 
 
 def _superseded(where: str) -> MotionError:

@@ -38,6 +38,9 @@ class FollowCommand(NamedTuple):
     reference: Reference
 
 
+MotionCommand = MoveCommand | FollowCommand
+
+
 class SampleCommand(NamedTuple):
     """Report the next tick."""
 
@@ -48,7 +51,7 @@ class StopCommand(NamedTuple):
     """End the run of the servo at zero current."""
 
 
-ServoCommand = MoveCommand | FollowCommand | SampleCommand | StopCommand
+ServoCommand = MotionCommand | SampleCommand | StopCommand
 
 
 class MotionEnd(NamedTuple):
