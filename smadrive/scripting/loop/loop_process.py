@@ -8,19 +8,20 @@ from __future__ import annotations
 
 import pickle
 import sys
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from traceback import walk_tb
 from typing import Any
 
 from smadrive.clock import MonotonicClock, VirtualClock
 from smadrive.control.loop import LoopMetrics
-from smadrive.errors import ControllerError, StoppedError, TripError
+from smadrive.errors import ControllerError, SafetyError, StoppedError, TripError
 from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.rig import Rig
 from smadrive.rig.supervision import stale_after_s
 from smadrive.runs.experiments import drive, excite, heat, plan_excitation, track
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.tracking_plan import plan_tracking
+from smadrive.safety.shutdown import shutdown_of
 from smadrive.scripting.loop.code_origin import dumps
 from smadrive.scripting.loop.loop_servo import LoopServo
 from smadrive.scripting.loop.messages import (
@@ -36,6 +37,7 @@ from smadrive.scripting.loop.messages import (
     MeasureRequest,
     OpenedRig,
     OpenRequest,
+    ScriptEndedError,
     ServoRequest,
     SwitchOffRequest,
     TrackRequest,
@@ -45,7 +47,11 @@ from smadrive.scripting.loop.script_link import ScriptLink
 
 
 def serve(link: ScriptLink) -> None:
-    """Open the rig of the first request, then carry out requests until a CloseRequest. Each request gets a reply."""
+    """Open the rig of the first request, then carry out requests until a CloseRequest. Each request gets a reply.
+
+    ScriptEndedError at the end of the script. If the heater is then not confirmed off, this is printed to standard
+    error, because no reply can say it any more, and the exit code of the process is 4.
+    """
     try:
         opening: OpenRequest = link.opening()
         sys.path[:] = opening.module_path
@@ -61,6 +67,14 @@ def serve(link: ScriptLink) -> None:
     except (Exception, StoppedError) as error:  # noqa: BLE001 (the script gets the error)
         link.finish()
         link.fail(error, is_own_code=False)
+    except ScriptEndedError as ended:
+        link.finish()
+        outcome = shutdown_of(ended)
+        if outcome is not None and not outcome.confirmed:
+            with suppress(OSError):
+                sys.stderr.write(f"smadrive: {outcome}\n")
+            raise SystemExit(SafetyError.exit_code) from None
+        raise
     else:
         link.finish()
         link.reply(None)

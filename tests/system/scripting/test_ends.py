@@ -308,6 +308,16 @@ def test_script_that_ends_without_closing_leaves_no_process(tmp_path):
     assert done.stderr == ""
 
 
+@pytest.mark.exhaustive
+def test_script_that_ends_while_its_device_is_silent_shows_that_off_is_unconfirmed(tmp_path):
+    text = "import os, signal, smadrive, sys; rig = smadrive.open_rig(sys.argv[1]); os.kill(int(sys.argv[2]), 9)"
+    with on_a_port(tmp_path) as (rig_file, simulator):
+        command = [sys.executable, "-c", text, str(rig_file), str(simulator.pid)]
+        done = programs.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert UNCONFIRMED in done.stderr
+    assert "Traceback" not in done.stderr
+
+
 def test_ended_client_is_ended_again_without_an_error():
     client = LoopClient()
     client.end()
