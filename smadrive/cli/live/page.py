@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import webbrowser
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -37,8 +38,13 @@ def opened(page: LivePage, rig: Rig, output: Output, *, browser: bool) -> Iterat
             stack.enter_context(page)
         output.say(f"{rig.config.name}: {page.url}")
         if browser:
-            webbrowser.open(page.url)
+            open_browser(page.url)
         yield
+
+
+def open_browser(url: str) -> None:
+    """Open the address in the browser from a thread: a text browser, or a program in $BROWSER, returns at its end."""
+    threading.Thread(target=webbrowser.open, args=(url,), name="browser", daemon=True).start()
 
 
 @contextmanager
