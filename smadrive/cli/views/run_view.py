@@ -127,6 +127,14 @@ def shown(title: str, current_max_a: float, *, quiet: bool) -> Watch:
     return lambda recorder, duration_s: watched(recorder, title, duration_s, current_max_a, quiet=quiet)
 
 
+def is_seen_live(console: Console) -> bool:
+    """Return True if a person sees a live display: standard error, where `console` draws, and stdout are terminals.
+
+    If stdout is a pipe or a file, its reader gets lines instead.
+    """
+    return console.is_terminal and sys.stdout.isatty()
+
+
 @contextmanager
 def drawing(view: RichCast, console: Console) -> Iterator[None]:
     """Draw `view` in a thread during the `with` block. A lost terminal ends only the drawing."""

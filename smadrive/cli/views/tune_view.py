@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.text import Text
 
 from smadrive.cli.terminal.output import Output
-from smadrive.cli.views.run_view import drawing
+from smadrive.cli.views.run_view import drawing, is_seen_live
 from smadrive.control.loop import Tick
 from smadrive.display.number_text import quantity
 from smadrive.errors import ConfigError
@@ -113,7 +113,7 @@ def watched(view: TuneView, output: Output) -> Iterator[None]:
     console = Console(stderr=True)
     if output.quiet:
         yield
-    elif console.is_terminal:
+    elif is_seen_live(console):
         with drawing(view, console):
             yield
     else:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.text import Text
 
 from smadrive.cli.terminal.output import Output
-from smadrive.cli.views.run_view import drawing
+from smadrive.cli.views.run_view import drawing, is_seen_live
 from smadrive.control.loop import Tick, TickHandler
 from smadrive.display.number_text import quantity
 from smadrive.rig.config import RigConfig
@@ -139,7 +139,7 @@ def watched_values(config: RigConfig, output: Output) -> Iterator[TickHandler]:
     console = Console(stderr=True)
     if output.quiet:
         yield lambda tick: output.json_line({**tick.measurement._asdict(), "time_s": tick.time_s})
-    elif console.is_terminal:
+    elif is_seen_live(console):
         view = WatchView(config, lambda: console.width)
         with drawing(view, console):
             yield view.tick

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -65,6 +66,16 @@ def test_pipe_gets_a_line_a_second_and_a_table(tmp_path):
     assert times == ["0.0", "1.0", "2.0", "3.0"]
     assert "61 measurements" in done.stdout
     assert "highest" in done.stdout
+
+
+def test_pipe_gets_the_lines_also_beside_a_terminal(tmp_path):
+    client, terminal = os.openpty()
+    command = [sys.executable, "-m", "smadrive", "watch", "in-process", "--for", "3"]
+    done = programs.run(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=terminal, text=True, check=True)
+    os.close(terminal)
+    os.close(client)
+    times = [line.partition(" s:")[0] for line in done.stdout.splitlines() if " s: " in line]
+    assert times == ["0.0", "1.0", "2.0", "3.0"]
 
 
 def test_one_measurement_is_named_in_the_singular(tmp_path):

@@ -1,15 +1,21 @@
 """The terminal of `tune` shows the heater and the pages, while pages are opened and closed."""
 
+import io
+import os
 import secrets
+import sys
+import threading
 from itertools import pairwise
 from pathlib import Path
 
 import pytest
 
-from smadrive.cli.views.tune_view import Changes, TuneView
+from smadrive.cli.terminal.output import Output
+from smadrive.cli.views.tune_view import Changes, TuneView, watched
 from smadrive.tuning.page.client_registry import ClientRegistry
 from smadrive.tuning.processes import TuningPage
 
+HANG_GUARD_S = 30.0
 TOKEN = secrets.token_urlsafe(8)
 WITHOUT_PAGE = "no page is open: the run continues; Ctrl-C or `curl -X POST http://127.0.0.1:5006/off` ends it"
 
@@ -108,3 +114,29 @@ def test_without_a_terminal_each_change_of_state_is_one_line(rig, view):
     rig.run(until_s=9.0)
     assert [line.split(";")[0] for line in said] == ["heater off", "armed, holding", "heater off"]
     assert all(line.endswith(" A)") for line in said)
+
+
+class Pipe(io.StringIO):
+    """Standard output that is no terminal. `has_line` is set by its first line."""
+
+    def __init__(self):
+        super().__init__()
+        self.has_line = threading.Event()
+
+    def write(self, text):
+        written = super().write(text)
+        if "\n" in text:
+            self.has_line.set()
+        return written
+
+
+def test_pipe_gets_the_state_also_beside_a_terminal(rig, view, monkeypatch):
+    run(rig, view, until_s=0.5)
+    client, terminal = os.openpty()
+    pipe = Pipe()
+    with os.fdopen(client, "rb"), os.fdopen(terminal, "w") as stderr:
+        monkeypatch.setattr(sys, "stderr", stderr)
+        monkeypatch.setattr(sys, "stdout", pipe)
+        with watched(view, Output(as_json=False)):
+            assert pipe.has_line.wait(HANG_GUARD_S)
+    assert pipe.getvalue().startswith("heater off; ")
