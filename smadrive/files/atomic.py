@@ -22,7 +22,7 @@ from itertools import count
 from pathlib import Path
 
 from smadrive.errors import DataError
-from smadrive.files.kinds import FileKind, irregular_kind
+from smadrive.files.kinds import FileKind, irregular_kind, is_reachable
 
 ANOTHER_NAME = "choose another name"
 
@@ -31,18 +31,23 @@ def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
     """Raise DataError when a command that reads `inputs` must not write a file of `kind` to `path`.
 
     The reasons are: a wrong ending of the name, `path` is one of the `inputs`, `path` is an existing record, or its
-    folder does not exist.
+    folder does not exist or is closed.
     """
     if not kind.has_ending(path):
         endings = " or ".join(kind.endings)
         raise DataError(f"the name of {kind.what} ends in {endings}", where=path, cure=ANOTHER_NAME)
     for source in inputs:
-        if path.exists() and source.exists() and path.samefile(source):
+        if is_reachable(path) and is_reachable(source) and path.samefile(source):
             raise DataError("is an input of this command, which would overwrite it", where=path, cure=ANOTHER_NAME)
     if kind.is_record and os.path.lexists(path):
         raise _exists(path)
-    if not path.parent.exists():
-        raise _without_folder(path)
+    try:
+        path.stat()
+    except FileNotFoundError as error:
+        if not path.parent.exists():
+            raise _unwritable(path, error) from None
+    except OSError as error:
+        raise _unwritable(path, error) from None
 
 
 def unused_record(stem: str, kind: FileKind, reserved: Collection[Path] = ()) -> Path:
@@ -134,12 +139,8 @@ def _exists(path: Path) -> DataError:
 
 
 def _unwritable(path: Path, error: OSError) -> DataError:
-    if not path.parent.exists():
-        return _without_folder(path)
+    if isinstance(error, FileNotFoundError) and not path.parent.exists():
+        return DataError("cannot be written: its folder does not exist", where=path, cure=f"create {path.parent} first")
     return DataError(
         f"cannot be written: {error.strerror or error}", where=path, cure="check the folder and its free space"
     )
-
-
-def _without_folder(path: Path) -> DataError:
-    return DataError("cannot be written: its folder does not exist", where=path, cure=f"create {path.parent} first")

@@ -8,7 +8,18 @@ from pathlib import Path
 from typing import NamedTuple
 
 from smadrive.errors import ConfigError
-from smadrive.files.kinds import CAMPAIGN, CONFIGS, PROFILE, RIG, SIM, WIRE, FileKind, check_kind
+from smadrive.files.kinds import (
+    CAMPAIGN,
+    CONFIGS,
+    PROFILE,
+    RIG,
+    SIM,
+    WIRE,
+    FileKind,
+    check_kind,
+    is_reachable,
+    is_regular,
+)
 from smadrive.files.spelling import nearest_name, suggested_file, suggestion
 
 _PACKAGE = Path(__file__).parents[1]
@@ -77,7 +88,7 @@ def _check_not_a_shipped_name(path: Path, shipped: dict[str, Path]) -> None:
 
     Do nothing for a path with a folder, and if a file in the current folder has a similar name.
     """
-    if path.name != str(path) or path.exists() or suggested_file(path):
+    if path.name != str(path) or is_reachable(path) or suggested_file(path):
         return
     if (near := nearest_name(path.stem, shipped)) is not None:
         cure = f"did you mean the shipped '{near}', without .toml?"
@@ -93,7 +104,7 @@ def _hint(name: str, shipped: dict[str, Path]) -> str:
 def _near(name: str, shipped: dict[str, Path]) -> str:
     """Return a spelling suggestion: the file NAME.toml, the nearest shipped name, or the nearest .toml file."""
     path = Path(f"{name}.toml")
-    return (path.is_file() and suggested_file(path)) or suggestion(name, shipped) or suggested_file(path)
+    return (is_regular(path) and suggested_file(path)) or suggestion(name, shipped) or suggested_file(path)
 
 
 def _shipped(folder: str) -> dict[str, Path]:

@@ -25,6 +25,7 @@ from smadrive.campaigns.versions import table_versions
 from smadrive.errors import DataError
 from smadrive.files.atomic import replacing
 from smadrive.files.checked_line import checked_line, fields_of_line
+from smadrive.files.kinds import is_reachable
 from smadrive.posix import fcntl
 
 JOURNAL, COPY = "journal.jsonl", "campaign.toml"
@@ -107,7 +108,7 @@ class Journal:
 
     def _open(self) -> FileIO:
         path = self.folder / JOURNAL
-        self._is_new_folder = not self.folder.exists()
+        self._is_new_folder = not is_reachable(self.folder)
         try:
             if self._resume:
                 return FileIO(path, "r+")

@@ -167,11 +167,11 @@ def read_log(path: Path) -> Log:
     DataError when the file is missing, damaged or not a log, refers to other files, or is from a later smadrive.
     """
     check_kind(path, LOG)
-    if not path.exists():
-        raise DataError("no such file", where=path, cure=missing_file_cure(path))
     try:
         with h5py.File(path, "r", locking=False) as file:
             content = read_content(file, path.stat().st_size)
+    except FileNotFoundError:
+        raise DataError("no such file", where=path, cure=missing_file_cure(path)) from None
     except ForeignContentError as error:
         raise DataError(f"not a log as smadrive writes it: {error}", where=path, cure=LOG.cure) from None
     except NewerLayoutError as error:

@@ -10,7 +10,7 @@ import pytest
 
 from smadrive.errors import DataError
 from smadrive.files.atomic import check_output, creating, replacing
-from smadrive.files.kinds import LOG, MODEL, TABLE
+from smadrive.files.kinds import LOG, MODEL, TABLE, is_reachable, is_regular
 
 
 def write(path, text="new"):
@@ -202,3 +202,38 @@ def test_failed_creation_leaves_no_file(tmp_path):
         partial.write_text("new")
     assert (tmp_path / "f").read_text() == "new"
     assert names(tmp_path) == ["f"]
+
+
+@pytest.fixture
+def stranger():
+    """Become a user who may not enter the folders of root, as root's test folders are."""
+    os.seteuid(65534)
+    yield
+    os.seteuid(0)
+
+
+LONG_NAME = "x" * 300
+
+
+@pytest.mark.parametrize("kind", [LOG, MODEL])
+def test_name_that_is_too_long_is_an_error_about_the_output(tmp_path, kind):
+    path = tmp_path / f"{LONG_NAME}{kind.endings[0]}"
+    with pytest.raises(DataError) as refused:
+        check_output(path, kind, tmp_path / LONG_NAME)
+    assert refused.value.where == str(path)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root may become another user")
+@pytest.mark.parametrize("name", ["m.json", "folder/m.json"])
+def test_closed_folder_is_an_error_about_the_output(tmp_path, stranger, name):
+    for write_to in (lambda path: check_output(path, MODEL, path.with_name("l.h5")), write):
+        with pytest.raises(DataError) as refused:
+            write_to(tmp_path / name)
+        assert refused.value.where == str(tmp_path / name)
+
+
+def test_name_that_is_too_long_is_neither_reachable_nor_regular(tmp_path):
+    assert not is_reachable(tmp_path / LONG_NAME)
+    assert not is_regular(tmp_path / LONG_NAME)
+    assert is_reachable(tmp_path)
+    assert not is_regular(tmp_path)
