@@ -140,11 +140,8 @@ def _listen_address(pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> L
     options: tuple[tuple[AddressKind, Path | str | None], ...] = (("pty", pty), ("tcp", tcp), ("rtu_tcp", rtu_tcp))
     given = [ListenAddress(kind, str(address)) for kind, address in options if address is not None]
     if len(given) > 1:
-        raise ConfigError(
-            "these options cannot be combined",
-            where="--pty, --tcp and --rtu-tcp",
-            cure="start one simulator for each address",
-        )
+        where, cure = "--pty, --tcp and --rtu-tcp", "start one simulator for each address"
+        raise ConfigError("these options cannot be combined", where=where, cure=cure)
     return given[0] if given else None
 
 
@@ -220,8 +217,12 @@ def _print_addresses(addresses: Sequence[str]) -> None:
 
 def _line_writer(file: TextIO) -> Callable[[str], None]:
     def log(line: str) -> None:
-        file.write(line + "\n")
-        file.flush()
+        try:
+            file.write(line + "\n")
+            file.flush()
+        except OSError:  # the line is lost, and the devices go on
+            if file is sys.stderr:
+                sys.stderr = None  # otherwise the interpreter tries to write again when it ends
 
     return log
 
@@ -236,8 +237,11 @@ def _event_log(path: Path | None) -> Iterator[TextIO]:
     except OSError as error:
         typer.echo(f"firmware-sim: --log {path}: cannot be written ({error.strerror}). Check the folder.", err=True)
         raise typer.Exit(2) from None
-    with file:
+    try:
         yield file
+    finally:
+        with contextlib.suppress(OSError):
+            file.close()
 
 
 if __name__ == "__main__":

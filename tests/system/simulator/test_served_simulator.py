@@ -168,6 +168,20 @@ def test_reply_on_a_slow_line_arrives_after_the_time_of_its_characters(option, t
             assert len(transport.read(transport.clock.now_s() + 5.0)) == 9
 
 
+@pytest.mark.parametrize("options", [(), ("--log", "/dev/full")], ids=["closed pipe", "full disk"])
+def test_events_that_cannot_be_written_do_not_end_the_devices(options):
+    with served("--time", "lockstep", *options) as (process, url), connected(url) as device:
+        if not options:
+            process.stderr.close()
+        board = Heater(HeaterBoard(device, MonotonicClock()), LIMITS, MonotonicClock())
+        board.connect()
+        board.arm(5.0)
+        board.exchange(0.3)
+        advance(process, 0.1)
+        assert board.exchange(0.3).armed
+        assert finish(process, signal.SIGTERM) == 0
+
+
 @pytest.mark.parametrize("time", ["lockstep", "driven"], ids=["lockstep", "its name in version 0.1"])
 def test_events_are_written_to_the_log_file(tmp_path, time):
     log = tmp_path / "events.log"
