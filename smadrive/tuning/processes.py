@@ -41,6 +41,10 @@ does not kill the front process.
 """
 
 
+FROZEN_BUILD_LOOKS = 300
+"""The model builder is killed after this number of checks without a result, which is after 30 s. A build takes 1 s."""
+
+
 class PageProcess(SupervisedProcess):
     """Builds the pages. It listens for the front process on the Unix socket at `path`.
 
@@ -159,6 +163,7 @@ class BuilderProcess(SupervisedProcess):
         self._request: BuildRequest | None = None
         self._number = 0
         self._deaths_before = 0
+        self._looked_number = self._looks = 0
 
     def __enter__(self) -> Self:
         """Start the process. It listens in a private folder of the user, because its messages are unpickled."""
@@ -198,6 +203,16 @@ class BuilderProcess(SupervisedProcess):
         if result is not None:
             self._request = None
         return result
+
+    def _is_frozen(self) -> bool:
+        """Return True if a request has had no result during `FROZEN_BUILD_LOOKS` checks."""
+        is_same = self._request is not None and self._number == self._looked_number
+        self._looks = self._looks + 1 if is_same else 0
+        self._looked_number = self._number
+        if self._looks < FROZEN_BUILD_LOOKS:
+            return False
+        self._looks = 0
+        return True
 
     def _received(self, request: BuildRequest) -> BuildResult | None:
         """Return the result of `request` if it has arrived, else None. Drop the result of an earlier request."""

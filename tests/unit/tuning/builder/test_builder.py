@@ -12,6 +12,7 @@ from smadrive.hysteresis import TriangularSets, TSFuzzyDuhem
 from smadrive.identification.adaptation.adaptation import ADAPTED, Adaptation
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
+from smadrive.tuning import processes
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, build
 from smadrive.tuning.link.requests import SetFeedback, SetShape
 from smadrive.tuning.processes import BuilderProcess
@@ -124,3 +125,14 @@ def test_adapted_rules_are_built(builder):
     adapted = result_of(builder, replace(request, change=Adapted(adaptation)))
     assert adapted.tuning.change == ADAPTED
     assert adapted.tuning.model.rules == adaptation.model.rules
+
+
+def test_builder_that_hangs_is_replaced_and_its_change_fails(monkeypatch):
+    monkeypatch.setattr(processes, "FROZEN_BUILD_LOOKS", 3)
+    with BuilderProcess() as builder:
+        hung = builder.pid
+        os.kill(hung, signal.SIGSTOP)
+        assert isinstance(result_of(builder, build_request(moved(91.0))), BuildFailure)
+        monkeypatch.undo()
+        assert result_of(builder, build_request(moved(91.0))).tuning is not None
+        assert builder.pid != hung
