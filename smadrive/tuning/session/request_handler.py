@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from smadrive.errors import ConfigError, SmadriveError
+from smadrive.errors import ConfigError, SafetyError, SmadriveError
 from smadrive.measurement import DisplacementFrom
+from smadrive.safety.arming_checks import REFUSED
+from smadrive.safety.shutdown import UNCONFIRMED
 from smadrive.tuning.link.requests import (
     Adapt,
     AnyRequest,
@@ -124,6 +126,9 @@ class RequestHandler:
     def _arm(self, request: Arm) -> None:
         if self._off_path.is_silent(self._state.now_s):
             raise front_silent()
+        if not self._state.status.is_safe:
+            cure = "arm again when the page shows that the heater is off, or cut its supply"
+            raise SafetyError(f"{REFUSED}: {UNCONFIRMED}", cure=cure)
         self._arming.begin(request)
 
     def _off(self) -> None:

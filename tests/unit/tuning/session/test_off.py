@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 
 from smadrive.errors import DataError
+from smadrive.safety.shutdown import UNCONFIRMED
 from tests.unit.tuning.conftest import AFTER_OFF, NONE_A, Ended, currents
 
 
@@ -49,6 +50,24 @@ def test_unconfirmed_off_is_published_and_retried_until_confirmed(rig, modes):
     rig.run(until_s=8.0)
     assert modes() == ["off", "off, unconfirmed", "off"]
     assert [event for _, event in rig.status["events"]] == ["OFF", "heater off, confirmed"]
+
+
+def test_arm_is_refused_until_the_heater_is_confirmed_off(rig):
+    rig.do(1.0, lambda: rig.device.faults.vanish(3.0))
+    rig.do(1.0, rig.page.request_off)
+    early, late = 99, rig.at(6.0, "arm")
+    messages = [{"number": early, "act": "arm"}]
+
+    def send(now_s):
+        rig.page.beat_front()
+        if now_s > 3.0 and messages:
+            rig.page.send({"offs": rig.page.offs, **messages.pop()})
+
+    rig.clock.follow(send)
+    rig.run(until_s=8.0)
+    assert UNCONFIRMED in rig.answers[early]
+    assert rig.answers[late] is None
+    assert rig.status["mode"] == "holding"
 
 
 def test_unrelated_note_on_an_error_raises_no_alarm(rig, modes):
