@@ -55,7 +55,7 @@ class Output:
 
         from smadrive.cli.terminal.table import fitted_table, list_lines  # noqa: PLC0415
 
-        console, shown = Console(highlight=False), [[*map(encodable, row)] for row in rows]
+        console, shown = Console(highlight=False, markup=False), [[*map(encodable, row)] for row in rows]
         texts = {0, len(header) - 1} if notes else {0}
         table = fitted_table(header, shown, texts, console.width)
         if table is not None:

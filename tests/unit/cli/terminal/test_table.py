@@ -55,3 +55,11 @@ def test_wide_terminal_shows_a_table_and_a_narrow_one_a_list(capsys, monkeypatch
         monkeypatch.setenv("COLUMNS", str(width))
         Output(as_json=False).table(*TABLES["run"])
         assert capsys.readouterr().out.startswith(begins)
+
+
+def test_cell_with_brackets_is_shown_as_it_is(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    Output(as_json=False).table(("", "run[old].h5"), [("rig[red]", "1")])
+    shown = capsys.readouterr().out
+    assert "run[old].h5" in shown
+    assert "rig[red]" in shown
