@@ -17,6 +17,9 @@ from smadrive.files.csv_table import read_table, replaced_caveats, write_table
 from smadrive.files.kinds import TABLE
 from smadrive.hysteresis import HysteresisModel, InverseFeedforward, load_model
 
+REACHABLE = "reachable"
+"""The column that says for each sample if the model can follow, as 1 or 0."""
+
 
 def main(
     model: Annotated[Path, typer.Argument(help="Model file (JSON), as written by `identify`.")],
@@ -43,7 +46,9 @@ def main(
     if not result.reachable.any():
         raise _nothing_in_reach(csv, output_column, setpoint, loaded)
     caveats = replaced_caveats(table, input_column, "--input")
-    write_table(output_file, table.cells, {input_column: result.v, "reachable": result.reachable.astype(np.float64)})
+    if REACHABLE in table.cells:
+        caveats = (*caveats, f"the computed column '{REACHABLE}' replaces that of {csv}: rename it there")
+    write_table(output_file, table.cells, {input_column: result.v, REACHABLE: result.reachable.astype(np.float64)})
     unreachable = int((~result.reachable).sum())
     output.warn(caveats)
     output.say(f"{output_file}: {count_text(len(setpoint), 'sample')}, {unreachable} of them out of reach")

@@ -85,6 +85,8 @@ def test_identify_simulate_and_invert_work_on_files(data):
 
     inverted = succeed("invert", "model.json", "simulated.csv", "--output", "strain", "-o", "inverted.csv", cwd=data)
     assert inverted["unreachable"] == 0
+    twice = succeed("invert", "model.json", "inverted.csv", "--output", "strain", "-o", "twice.csv", cwd=data)
+    assert [len(one["caveats"]) for one in (inverted, twice)] == [1, 2]  # `temperature_c`, then `reachable`, too
     again = succeed("simulate", "model.json", "inverted.csv", "--output", "again", "-o", "again.csv", cwd=data)
     assert not again["caveats"]
     expected, got = (column(data / "again.csv", name) for name in ("strain", "again"))
