@@ -53,7 +53,11 @@ def _digest(sources: tuple[Path, ...], variables: tuple[str, ...]) -> str:
 
 
 def _make(product: Product, variables: tuple[str, ...], target: Path) -> None:
-    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        what, cure = "the folder of the built programs cannot be made", "set XDG_CACHE_HOME to a folder of yours"
+        raise ConfigError(what, where=target.parent, value=error.strerror, cure=cure) from None
     with tempfile.TemporaryDirectory(dir=target.parent) as building:
         command = ["make", "-s", "-C", str(product.folder), f"BUILD={building}", *variables]
         made = subprocess.run(command, capture_output=True, text=True, check=False)

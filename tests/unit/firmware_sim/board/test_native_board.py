@@ -5,6 +5,7 @@ import re
 import pytest
 
 from firmware_sim.bench import SimulatedBench
+from firmware_sim.board.build import Product, built
 from firmware_sim.board.native_board import NativeBoard
 from firmware_sim.devices.board.firmware import BoardFirmware
 from smadrive.clock import VirtualClock
@@ -99,3 +100,11 @@ def test_native_board_of_version_1_is_a_config_error(native):
     with pytest.raises(ConfigError) as error:
         SimulatedBench(native).attach(load_profile("sma-reference:map_version=1"))
     assert "sma-reference" in error.value.where
+
+
+def test_cache_folder_that_cannot_be_made_is_an_error(tmp_path, monkeypatch):
+    (tmp_path / "cache").write_text("a file")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    with pytest.raises(ConfigError) as refused:
+        built(Product("board.so", "the board", tmp_path, (tmp_path,), lambda: None))
+    assert refused.value.where == str(tmp_path / "cache" / "smadrive")
