@@ -134,8 +134,8 @@ def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:
 def watch_banner_html(status: dict[str, Any]) -> str:
     """Return the warnings of the page of `smadrive watch` as HTML; an empty text if there are none.
 
-    The warnings are a lost device, a current that flows although the heater is off, the latched faults of device and
-    rig, and a fault of the thermocouple.
+    The warnings are a current that flows although the heater is off, the latched faults of device and rig, and a fault
+    of the thermocouple. A lost device ends the command.
     """
     lines = _device_lines(status, clear="run `smadrive off RIG --clear-faults`")
     if status["latched"]:
