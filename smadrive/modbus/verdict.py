@@ -159,6 +159,7 @@ TRANSITIONS = {
     (ConnectionState.READY, ConnectionEvent.FAILED): ConnectionState.SUSPECT,
     (ConnectionState.READY, ConnectionEvent.STRAY): ConnectionState.SUSPECT,
     (ConnectionState.SUSPECT, ConnectionEvent.STRAY): ConnectionState.SUSPECT,
+    (ConnectionState.OUT_OF_STEP, ConnectionEvent.STRAY): ConnectionState.OUT_OF_STEP,
     (ConnectionState.SUSPECT, ConnectionEvent.FAILED): ConnectionState.SUSPECT,
     (ConnectionState.OUT_OF_STEP, ConnectionEvent.FAILED): ConnectionState.OUT_OF_STEP,
     (ConnectionState.SUSPECT, ConnectionEvent.SILENCE): ConnectionState.READY,

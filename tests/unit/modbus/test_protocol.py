@@ -106,6 +106,16 @@ def test_bytes_that_are_not_modbus_tcp_need_a_new_connection():
     assert protocol.state is ConnectionState.READY
 
 
+def test_bytes_after_an_incomplete_frame_leave_the_need_for_a_new_connection():
+    """They may arrive when a signal has interrupted the exchange before the connection was closed."""
+    protocol = ClientProtocol(TcpFraming())
+    protocol.send(1, READ)
+    protocol.receive(b"\x13\x88", 0.0)
+    protocol.give_up(1.0)
+    protocol.stray(b"\x00")
+    assert protocol.state is ConnectionState.OUT_OF_STEP
+
+
 class Drawn:
     """A random generator that returns these numbers in turn."""
 
