@@ -130,7 +130,13 @@ class TextLine:
         self._send(exchange.command)
         deadline_s = self.clock.now_s() + self._timeout_s
         while not exchange.form.fullmatch(line := self._line(deadline_s, exchange.command)):
-            pass
+            if self.clock.now_s() >= deadline_s:  # foreign lines may arrive without end
+                raise DeadlineError(
+                    "other lines, but no right reply before the deadline",
+                    where=self._where(exchange.command),
+                    value=f"last {line!r}",
+                    cure="check that no other program uses the board",
+                )
         return line
 
     def _check_banner(self, line: str) -> None:

@@ -158,6 +158,22 @@ def test_line_that_is_never_silent_is_an_error():
     assert error.value.where == transport.name
 
 
+class ChatteringPort(InProcessTransport):
+    """A port on which foreign lines arrive without end. Like a serial port, it returns them after the deadline, too."""
+
+    def read(self, deadline_s):
+        self.clock.sleep_until(self.clock.now_s() + 0.01)
+        assert self.clock.now_s() < 60.0
+        return b"chatter\r\n"
+
+
+def test_foreign_lines_without_end_are_an_error():
+    port = ChatteringPort(Board(), VirtualClock())
+    with pytest.raises(TransportError) as error:
+        TextLine(port, TIMEOUT_S, GREETING, token).ask("N 7", NUMBER)
+    assert error.value.where.startswith(port.name)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_late_lines_are_rejected(seed):
     """A fifth of the replies is delayed by up to four timeouts.
