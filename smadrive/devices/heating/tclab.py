@@ -8,8 +8,9 @@ The board measures neither. Both are computed from the duty that is read back an
 file. The pulse width has `STEPS` steps, and a command is rounded down to a step.
 
 Replies have no checksum. So every exchange reads back the duty in force, and reads the temperature twice: both readings
-must agree. The board must repeat the new duty to the last digit. If a check fails, the whole exchange is discarded. The
-board has no watchdog, although its documentation describes one.
+must agree. The board must repeat the new duty to the last digit. If a check fails, the whole exchange is discarded. But
+zero duty is written before the temperature is read, and such an exchange ends with an invalid temperature: a sensor
+with a loose contact must not keep the heater on. The board has no watchdog, although its documentation describes one.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from math import floor, nan, sqrt
 from smadrive.devices.heating.device_source import DeviceSource
 from smadrive.devices.heating.heat_source import HeaterLimits, Sample, Supplied
 from smadrive.devices.heating.tclab_board import TCLabBoard
-from smadrive.errors import ConfigError, ReadBackError, SafetyError
+from smadrive.errors import ConfigError, ProtocolError, ReadBackError, SafetyError
 
 STEPS = 200
 """Number of steps of the pulse width, from off to 100 % duty: the factory setting of P1, which accepts up to 255."""
@@ -90,14 +91,16 @@ class TCLab(DeviceSource[TCLabBoard]):
                 value=f"{in_force:g} %, commanded {self._may_be[-1]:g} %",
                 cure="check whether the board restarted, and that no other program uses it",
             )
-        temperature_c = self.device.read_twice("T1")
         steps = floor(STEPS * (current_a / self._full_scale_a) ** 2 + 1e-9) if self._armed else 0
         duty = round(100.0 * (steps + WITHIN) / STEPS, 2) if steps else 0.0
         duty = min(duty, 100.0)
-        self._may_be = (*self._may_be, duty)
-        self.device.heat(1, duty)
-        self._may_be = (duty,)
-        return self._supplied(in_force, temperature_c, current_a - self._full_scale_a * sqrt(steps / STEPS))
+        if steps:
+            temperature = self._temperature()
+            self._command(duty)
+        else:
+            self._command(duty)
+            temperature = self._temperature_if_known()
+        return self._supplied(in_force, temperature, current_a - self._full_scale_a * sqrt(steps / STEPS))
 
     def enter_safe_state(self) -> None:
         """Set the duty of both heaters to zero, confirmed by read-back."""
@@ -107,15 +110,33 @@ class TCLab(DeviceSource[TCLabBoard]):
     def clear_faults(self) -> None:
         """Do nothing, because the board latches no fault."""
 
-    def _supplied(self, in_force: float, temperature_c: float, lacking_a: float) -> Supplied:
-        part = sqrt(floor(in_force / 100.0 * STEPS) / STEPS)
+    def _command(self, duty: float) -> None:
+        """Set the duty, in %. If its confirmation is lost, the previous duty may still be in force, too."""
+        self._may_be = (*self._may_be, duty)
+        self.device.heat(1, duty)
+        self._may_be = (duty,)
+
+    def _temperature(self) -> Sample:
+        """Read the temperature. It is invalid at the ends of its range; ProtocolError when two readings differ."""
+        temperature_c = self.device.read_twice("T1")
         low_c, high_c = SENSOR_RANGE_C
         valid = low_c < temperature_c < high_c
         problem = None if valid else f"{temperature_c:.1f} °C is outside the range: the sensor is open or shorted"
+        return Sample(temperature_c if valid else nan, self.device.clock.now_s(), problem)
+
+    def _temperature_if_known(self) -> Sample:
+        """Read the temperature. It is invalid, too, when two readings differ."""
+        try:
+            return self._temperature()
+        except ProtocolError as error:
+            return Sample(nan, self.device.clock.now_s(), str(error))
+
+    def _supplied(self, in_force: float, temperature: Sample, lacking_a: float) -> Supplied:
+        part = sqrt(floor(in_force / 100.0 * STEPS) / STEPS)
         return Supplied(
             self._full_scale_a * part,
             self._full_scale_v * part,
             self._armed,
             limits=("pulse_width_step",) if self._armed and lacking_a > COARSE * self._full_scale_a else (),
-            temperature=Sample(temperature_c if valid else nan, self.device.clock.now_s(), problem),
+            temperature=temperature,
         )

@@ -1,5 +1,6 @@
 """The TCLab driver with its simulated firmware. The board repeats every duty, and gives every temperature twice."""
 
+from itertools import cycle
 from math import isnan, sqrt
 
 import pytest
@@ -12,6 +13,7 @@ from smadrive.clock import VirtualClock
 from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.heating.tclab import TCLab
 from smadrive.devices.heating.tclab_board import AGREE_C, TCLabBoard
+from smadrive.devices.heating.zero_current import confirm_off
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import (
     ConfigError,
@@ -171,6 +173,36 @@ def test_damaged_temperature_is_rejected(armed, damage):
     first, second = (float(text) for text in error.value.value.split(", then "))
     assert first - second == pytest.approx(10.0, abs=AGREE_C)
     assert armed.exchange(0.3).armed
+
+
+@pytest.fixture
+def loosen(device, monkeypatch):
+    """Call it to give the temperature sensor a loose contact: no two readings agree."""
+    right, readings_c = device.firmware.answer, cycle((20.0, 90.0))
+
+    def answer(line):
+        return f"{next(readings_c):.3f}".encode() if line == b"T1" else right(line)
+
+    return lambda: monkeypatch.setattr(device.responder, "answer", answer)
+
+
+def test_sensor_with_a_loose_contact_does_not_keep_the_heater_on(device, armed, loosen):
+    armed.exchange(0.3)
+    loosen()
+    with pytest.raises(ProtocolError):
+        armed.exchange(0.3)
+    sample = armed.exchange(0.0).temperature
+    assert device.firmware.duty["Q1"] == 0.0
+    assert isnan(sample.value)
+    assert "T1" in sample.problem
+
+
+def test_board_is_confirmed_off_by_its_duties_without_a_temperature(device, clock, armed, loosen):
+    armed.exchange(0.3)
+    loosen()
+    off = confirm_off(armed, LIMITS.current_max_a, clock)
+    assert (off.current_a, off.armed) == (0.0, False)
+    assert device.firmware.duty["Q1"] == 0.0
 
 
 def test_a_damaged_echo_of_the_duty_is_read_back(device, armed, damage):
