@@ -52,6 +52,10 @@ class Actuator(Protocol):
         """Command `current_a` for the coming period, and return the measurement of the same exchange."""
         ...
 
+    def end_heat(self) -> None:
+        """Command zero current once; `enter_safe_state` follows."""
+        ...
+
     def enter_safe_state(self) -> None:
         """Bring the current to zero, and confirm zero by read-back."""
         ...
@@ -239,7 +243,7 @@ class ControlLoop:
 
         def end_heat() -> None:
             try:
-                self._heater.exchange(0.0)
+                self._heater.end_heat()
             finally:
                 self._on_trip(error)
 

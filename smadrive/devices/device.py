@@ -18,8 +18,10 @@ The safe state counts as confirmed after one more check of the identity, if regi
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
+from math import inf
 
 from smadrive.devices.identity import UNKNOWN, Identity, IdentityCheck, IdentityDoubt, TypeCheck
 from smadrive.devices.profile.codec import down
@@ -87,7 +89,12 @@ class Device:
         """
         connection, names = self.client.connection, self._check.registers
         first = self._proved_on is None
-        readings = self._read_patiently(names) if first else self._registers.read(names, proved=True)
+        self._doubt.is_unanswered = False
+        try:
+            readings = self._read_patiently(names) if first else self._registers.read(names, proved=True)
+        except (TransportError, ProtocolError):
+            self._doubt.is_unanswered = True
+            raise
         try:
             model = self._check.judge(readings, self.identity)
         except IdentityError:
@@ -95,7 +102,8 @@ class Device:
             raise
         self._registers.use(model.profile)
         self._has_switch, self.identity = model.has_switch, model.identity
-        self.type_check, self._proved_on, self._doubt.is_raised = self._type_if_checked, connection, False
+        self.type_check, self._proved_on = self._type_if_checked, connection
+        self._doubt.dispel()
 
     def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, RegisterReading]:
         """Read the registers `names` in as few requests as possible, and return their readings.
@@ -131,14 +139,16 @@ class Device:
             return decode((source,), (source.words(self._registers.execute(request, self._proved_on)),), reads)
 
     def command(
-        self, name: str, value: float, reads: Sequence[str], *, proved: bool = False
+        self, name: str, value: float, reads: Sequence[str], *, proved: bool = False, within_s: float = inf
     ) -> dict[str, RegisterReading]:
         """Read `reads`, then write `value` to the register `name`, unless the previous command wrote the same value.
 
         The value is rounded down. `reads` must include `name`. Return the readings by name; they show the effect of the
         previous command. ReadBackError when the register does not hold the value of the previous command.
+
+        No read is retried that a silent device would prolong beyond `within_s` from now.
         """
-        with self._doubt:
+        with self._doubt, self._registers.retrying_until(self.clock.now_s() + within_s):
             return self._command(name, value, reads, proved=proved)
 
     def _command(self, name: str, value: float, reads: Sequence[str], *, proved: bool) -> dict[str, RegisterReading]:
@@ -156,11 +166,31 @@ class Device:
         self._commanded[name] = write
         return decode(spans, words, reads)
 
+    def send_safe_state(self) -> None:
+        """Send the known safe state at once, without waiting for replies, if the device does not answer any more.
+
+        A line can lose all replies and still deliver the requests. The device does not answer if the last exchange got
+        no right reply, and one proof of the identity gets none either. That proof is tried now, unless it has already
+        failed. Nothing is sent to another device, nor on a connection on which no proof has succeeded.
+        """
+        if not (self._is_proved and (self._doubt.has_failed or self._has_switch)):
+            return
+        if not self._doubt.is_unanswered:
+            with self._registers.retrying_until(self.clock.now_s()), suppress(TransportError, ProtocolError):
+                self.check_identity()
+        if self._is_proved and self._doubt.is_unanswered:
+            self._commanded.clear()
+            for write in self._safe_writes.values():
+                self._registers.send_unconfirmed(write)
+
     def enter_safe_state(self) -> None:
         """Write the profile's safe state and confirm it by read-back; see `retry_all`.
 
-        A line can lose all replies and still deliver the requests: a failed write is sent again, without waiting.
+        If the device does not answer, the safe state is sent first; see `send_safe_state`. After every failed write,
+        the write is sent again, without waiting.
         """
+        with suppress(Exception):  # whatever the error is, the steps follow
+            self.send_safe_state()
         steps = [partial(self._make_safe, step.register_, step.value) for step in self.profile.safe_state]
         retry_all([*steps, self._confirm_identity], self.client.clock)
 

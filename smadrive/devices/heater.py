@@ -141,6 +141,16 @@ class Heater:
             )
         return measurement
 
+    def end_heat(self) -> None:
+        """Command zero current once. A source that does not answer any more gets its safe state, without waiting.
+
+        Call this only when `enter_safe_state` follows. TakenOverError when the guardian has taken over the heater.
+        """
+        if self._guard is not None:
+            self._guard.check()
+        self.source.send_safe_state()
+        self.exchange(0.0)
+
     def enter_safe_state(self) -> None:
         """Set zero current and switch the heater off, confirmed by read-back.
 

@@ -18,7 +18,7 @@ from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import RegisterReading
 from smadrive.devices.profile.schema import IdentityRegister
 from smadrive.devices.profile.variants import has_switch, matching, unswitched
-from smadrive.errors import DeadlineError, DeviceError, IdentityError
+from smadrive.errors import DeadlineError, DeviceError, IdentityError, ProtocolError, TransportError
 
 Identity = Mapping[str, float | str]
 """The raw number or the text of each register that identifies the device, by the name of the register."""
@@ -35,14 +35,22 @@ class TypeCheck(Enum):
 
 
 class IdentityDoubt:
-    """A context manager that sets `is_raised` after a failed exchange, because another device may answer from now on.
+    """A context manager that notes after an exchange if another device may answer from now on.
 
-    An exchange fails by silence, an exception reply or a wrong read-back. `Device` resets `is_raised` after a new proof
-    of the identity.
+    is_raised        the identity must be proved again: an exchange failed by silence, an exception reply or a wrong
+                     read-back
+    has_failed       the last exchange got no right reply: the device was silent, or the reply was wrong
+    is_unanswered    the last proof of the identity got no right reply
     """
 
     def __init__(self) -> None:
         self.is_raised = False
+        self.has_failed = False
+        self.is_unanswered = False
+
+    def dispel(self) -> None:
+        """Reset everything: the identity is proved."""
+        self.is_raised = self.has_failed = self.is_unanswered = False
 
     def __enter__(self) -> None:
         """Do nothing."""
@@ -50,7 +58,9 @@ class IdentityDoubt:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Set `is_raised` if an exchange has failed in the block."""
+        """Note the end of the exchange in the block, with its error. An interruption, such as Ctrl-C, tells nothing."""
+        if error is None or isinstance(error, Exception):
+            self.has_failed = isinstance(error, (TransportError, ProtocolError))
         if isinstance(error, (DeadlineError, DeviceError)):
             self.is_raised = True
 

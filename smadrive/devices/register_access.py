@@ -6,7 +6,9 @@ connection on which it was proved.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from math import inf
 from typing import NamedTuple
 
 from smadrive.devices.profile.codec import Rounding
@@ -44,6 +46,7 @@ class RegisterAccess:
         self._client = client
         self._unit_id = unit_id
         self._timing = timing
+        self._retry_until_s = inf
 
     def use(self, profile: Profile) -> None:
         """Use the registers of `profile`, the profile of the proved model, from now on."""
@@ -51,9 +54,22 @@ class RegisterAccess:
             self.profile = profile
             self.plans = RequestPlans(profile)
 
+    @contextmanager
+    def retrying_until(self, time_s: float) -> Iterator[None]:
+        """Within the block, no retry begins that a silent device would prolong beyond `time_s` of the clock, in s."""
+        before_s = self._retry_until_s
+        self._retry_until_s = min(before_s, time_s)
+        try:
+            yield
+        finally:
+            self._retry_until_s = before_s
+
     def execute(self, request: Request, connection: int | None = None, *, proved: bool = False) -> bytes:
         """Send the request and return the payload of the reply; see ModbusClient.execute for the arguments."""
-        return self._client.execute(self._unit_id, request, self._timing, connection, proved=proved)
+        retry_until_s = self._retry_until_s
+        return self._client.execute(
+            self._unit_id, request, self._timing, connection, proved=proved, retry_until_s=retry_until_s
+        )
 
     def read(self, names: tuple[str, ...], *, proved: bool = False) -> dict[str, RegisterReading]:
         """Read the registers `names` and return their readings."""

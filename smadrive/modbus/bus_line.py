@@ -59,6 +59,10 @@ class BusLine:
         """Number of the connection for the next request: count of reopenings, plus 1 while the connection is lost."""
         return self.counters.reopenings + self._transport.lost
 
+    def silent_retry_s(self, timing: BusTiming) -> float:
+        """Return the time in s that a retry takes if the device is silent: a quarantine, and a missed deadline."""
+        return 2.0 * self._patience_s(timing)
+
     def settle(self, unit_id: int, timing: BusTiming) -> None:
         """Prepare the line for a request to `unit_id`.
 

@@ -10,6 +10,7 @@ back, and decides if it writes again.
 
 from __future__ import annotations
 
+from math import inf
 from threading import Lock
 
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, SmadriveError, TransportError
@@ -51,12 +52,14 @@ class ModbusClient:
         connection: int | None = None,
         *,
         proved: bool = False,
+        retry_until_s: float = inf,
     ) -> bytes:
         """Send `request` to `unit_id` and return the payload of the reply.
 
         connection: the number of the connection that the request must use; None allows any connection.
         proved: True sends a sync first (see probes.py), so that a second copy of an earlier reply cannot be taken for
         the answer. Set it for a read on which a safety decision depends.
+        retry_until_s: no retry begins that a silent device would prolong beyond this time of the clock, in s.
 
         DeadlineError or ProtocolError when no right reply arrives (a read is retried first); ExceptionReply when the
         device rejects the request; TransportError when the connection is lost, when the present connection has another
@@ -67,9 +70,9 @@ class ModbusClient:
         while True:
             try:
                 with self._turn:
-                    return self._execute_once(transaction, connection, proved=proved)
+                    return self._execute_once(transaction, connection, retry_until_s, proved=proved)
             except (DeadlineError, ProtocolError):
-                if retries == 0:
+                if retries == 0 or self._is_late(timing, retry_until_s):
                     raise
             retries -= 1
             self.counters.retries += 1
@@ -91,12 +94,14 @@ class ModbusClient:
         """Record that the last reply answers an older request, as its content shows. The right reply may follow."""
         self._protocol.distrust(self.clock.now_s())
 
-    def _execute_once(self, transaction: Transaction, connection: int | None, *, proved: bool) -> bytes:
+    def _execute_once(
+        self, transaction: Transaction, connection: int | None, retry_until_s: float, *, proved: bool
+    ) -> bytes:
         """Send the necessary probes, a sync if `proved`, then the request; return the payload of its reply."""
         unit_id, request, timing = transaction
         self._line.settle(unit_id, timing)
         if self._protocol.needs_probe(unit_id, request, self.clock.now_s()):
-            self._probe(transaction)
+            self._probe(transaction, retry_until_s)
             self._line.settle(unit_id, timing)
         if proved:
             self._sync(transaction)
@@ -123,8 +128,10 @@ class ModbusClient:
             setattr(self.counters, counter, getattr(self.counters, counter) + 1)
         return failure(outcome, self._where(transaction.unit_id, transaction.request))
 
-    def _probe(self, transaction: Transaction) -> None:
+    def _probe(self, transaction: Transaction, retry_until_s: float) -> None:
         """Send up to `PROBES` probes, until no older reply can be taken for the answer.
+
+        After the first probe, no probe is sent that a silent device would prolong beyond `retry_until_s`.
 
         DeadlineError at once if a probe gets no reply. If no probe excludes an older reply, raise the error of the last
         probe; ProtocolError if no read can serve as a probe.
@@ -146,6 +153,8 @@ class ModbusClient:
                 reason = error
             if not self._protocol.may_be_mistaken(unit_id, request, self.clock.now_s()):
                 return
+            if self._is_late(timing, retry_until_s):
+                break
             self._line.settle(unit_id, timing)
         raise reason
 
@@ -187,6 +196,10 @@ class ModbusClient:
         except ExceptionReply as error:
             if error.code not in FINAL_CODES:  # the real answer may still come, so this exception proves nothing
                 raise
+
+    def _is_late(self, timing: BusTiming, retry_until_s: float) -> bool:
+        """Return True if a retry now would end after `retry_until_s` with a silent device."""
+        return self.clock.now_s() + self._line.silent_retry_s(timing) > retry_until_s
 
     def _where(self, unit_id: int, request: Request) -> str:
         return f"{self.transport.name}, unit {unit_id}, function {request.function} at {request.address}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
@@ -78,7 +79,7 @@ def open_devices(
     clock = clock or source.clock
     sensors = _sensors(plan, devices, clock)
     heater = Heater(
-        heat_source(plan.source, source, clock),
+        heat_source(plan.source, source, clock, plan.answers_within_s),
         plan.limits,
         clock,
         sensors.get("temperature"),
@@ -91,14 +92,20 @@ def open_devices(
     return RigDevices(heater, devices, clock, source, port_key(plan.source))
 
 
-def heat_source(planned: PlannedDevice, device: Device | TCLabBoard, clock: Clock) -> HeatSource:
+def heat_source(
+    planned: PlannedDevice, device: Device | TCLabBoard, clock: Clock, answers_within_s: float = inf
+) -> HeatSource:
     """Return the open device as a heat source.
+
+    answers_within_s    longest time in s for the exchanges of an armed supply that does not answer; see BenchSupply
 
     `check_full_scales` checks the full scales before a run. `off` does not read them: no current is no current at every
     scale.
     """
     if isinstance(device, Device):
-        return HeaterBoard(device, clock) if planned.source_type is HeaterBoard else BenchSupply(device)
+        if planned.source_type is HeaterBoard:
+            return HeaterBoard(device, clock)
+        return BenchSupply(device, answers_within_s)
     return TCLab(device, planned.config.full_scale_a or 1.0, planned.config.full_scale_v or 1.0)
 
 

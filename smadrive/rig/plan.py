@@ -49,6 +49,8 @@ class PlannedSensor:
 class RigPlan:
     """The devices of a rig and their tasks. `guardian` is the task of the guardian process; None: no guardian.
 
+    `answers_within_s` is the time in s within which an exchange with a silent heat source should fail: the last
+    measurement is then one period old, and the loop can still trip before it is older than `stale_after_s`.
     `caveats` are warnings, one sentence each.
     """
 
@@ -57,6 +59,7 @@ class RigPlan:
     sensors: tuple[PlannedSensor, ...]
     limits: HeaterLimits
     guardian: Task | None
+    answers_within_s: float
     corrections: Corrections
     caveats: tuple[str, ...]
 
@@ -76,8 +79,14 @@ def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collecti
     _check_addresses(devices, where)
     guardian = _guardian(source, devices, config.limits, where)
     limits, corrections = _limits(config.limits), config.calibration.corrections()
+    answers_within_s = stale_after_s(config) - 1.0 / config.rate_hz
     caveats = *_slow(sensors, config.rate_hz), *_unlimited(source, limits)
-    return RigPlan(devices, source, sensors, limits, guardian, corrections, caveats)
+    return RigPlan(devices, source, sensors, limits, guardian, answers_within_s, corrections, caveats)
+
+
+def stale_after_s(config: RigConfig) -> float:
+    """Return the longest allowed time between two measurements of a run, s."""
+    return max(config.limits.stale_after_s, STALE_PERIODS / config.rate_hz)
 
 
 def _slow(sensors: Iterable[PlannedSensor], rate_hz: float) -> Iterator[str]:

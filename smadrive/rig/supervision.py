@@ -13,7 +13,7 @@ from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.config import RigConfig
-from smadrive.rig.plan import STALE_PERIODS
+from smadrive.rig.plan import stale_after_s
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
 from smadrive.safety.resistance_band import ResistanceBand
@@ -124,11 +124,6 @@ def check_rate(config: RigConfig, heater: Heater, clock: Clock) -> None:
             limit=f"{distinct(period_s, needed_s)} s",
             cure=f"set rate_hz to {0.8 / needed_s:.2g}",
         )
-
-
-def stale_after_s(config: RigConfig) -> float:
-    """Return the longest allowed time between two measurements of a run, s."""
-    return max(config.limits.stale_after_s, STALE_PERIODS / config.rate_hz)
 
 
 def unexpected_current(config: RigConfig, measurement: Measurement) -> str | None:

@@ -25,6 +25,10 @@ class SwitchableDevice(Protocol):
         """Prove the identity of the device."""
         ...
 
+    def send_safe_state(self) -> None:
+        """Send the safe state at once, without waiting for replies, if the device does not answer any more."""
+        ...
+
     def enter_safe_state(self) -> None:
         """Write the safe state and confirm it by read-back."""
         ...
@@ -56,6 +60,10 @@ class DeviceSource(Generic[DeviceT]):
         """Prove the identity of the device and write its safe state."""
         self.device.check_identity()
         self.enter_safe_state()
+
+    def send_safe_state(self) -> None:
+        """Send the safe state at once, without waiting for replies, if the device does not answer any more."""
+        self.device.send_safe_state()
 
     def enter_safe_state(self) -> None:
         """Disarm, set zero current and switch the output off, confirmed by read-back."""

@@ -114,6 +114,13 @@ class HeatSource(Protocol):
         """
         ...
 
+    def send_safe_state(self) -> None:
+        """Send the safe state at once, without waiting for replies, if the source does not answer any more.
+
+        Call this only when `enter_safe_state` follows. Nothing is sent to a source that answers.
+        """
+        ...
+
     def enter_safe_state(self) -> None:
         """Set zero current and switch the output off. Try several times; raise an error if no read-back confirms it."""
         ...

@@ -37,8 +37,12 @@ class BenchSupply(DeviceSource[Device]):
     has_watchdog = False
     has_temperature_limit = False
 
-    def __init__(self, device: Device) -> None:
-        """Nothing is sent yet."""
+    def __init__(self, device: Device, answers_within_s: float = inf) -> None:
+        """Nothing is sent yet.
+
+        While the supply is armed, `exchange` retries no read that a silent supply would prolong beyond
+        `answers_within_s`: meanwhile current flows, and nothing is checked.
+        """
         super().__init__(device)
         profile = device.profile
         self._names = {role: profile.role(role) for role in _NEEDED}
@@ -47,6 +51,7 @@ class BenchSupply(DeviceSource[Device]):
                 self._names[role] = name
         self._reads = tuple(self._names.values())
         self._measured = self._names["measured_current"], self._names["measured_voltage"]
+        self._answers_within_s = answers_within_s
         self._voltage_max_v = inf
         self._voltage_set: RegisterReading | None = None
 
@@ -81,7 +86,9 @@ class BenchSupply(DeviceSource[Device]):
         ReadBackError when the current setting is not that of the previous command, or when the voltage limit has
         changed.
         """
-        readings = self.device.command(self._names["heater_current"], current_a, self._reads, proved=proved)
+        within_s = self._answers_within_s if self._armed else inf
+        name = self._names["heater_current"]
+        readings = self.device.command(name, current_a, self._reads, proved=proved, within_s=within_s)
         self._check_voltage_limit(readings)
         on = self._on(readings)
         self._armed = self._armed and on
@@ -93,7 +100,7 @@ class BenchSupply(DeviceSource[Device]):
             self._faults(readings),
             ("voltage",) if on and self._limits_voltage(readings, voltage_v) else (),
             problem=problem_of(readings, self._measured),
-            setting_a=readings[self._names["heater_current"]].value,
+            setting_a=readings[name].value,
         )
 
     def enter_safe_state(self) -> None:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from functools import partial
 
 from smadrive.devices.heating.text_line import Exchange, TextLine
@@ -38,6 +39,7 @@ GREETING = Exchange("VER", re.compile(r"TCLab Firmware (1\.4|2\.\d{1,2})\.\d{1,2
 NUMBER = re.compile(r"-?\d{1,3}\.\d{2,3}")
 AGREE_C = 1.0
 """Largest difference in °C between two readings of the temperature. It is three steps of the converter."""
+HEATERS = (1, 2)
 
 
 class TCLabBoard:
@@ -130,9 +132,17 @@ class TCLabBoard:
                 cure="check the firmware of the board",
             )
 
+    def send_safe_state(self) -> None:
+        """Switch both heaters off at once, without waiting for replies, if the last greeting got no right answer."""
+        if self._line.is_unanswered:
+            for heater in HEATERS:
+                self._line.send_unconfirmed(f"Q{heater} 0.00")
+
     def enter_safe_state(self) -> None:
         """Switch both heaters off, confirmed by read-back; see `retry_all`. Each step first proves the identity."""
-        retry_all([partial(self._switch_off, heater) for heater in (1, 2)], self.clock)
+        with suppress(Exception):  # whatever the error is, the steps follow
+            self.send_safe_state()
+        retry_all([partial(self._switch_off, heater) for heater in HEATERS], self.clock)
 
     def _switch_off(self, heater: int) -> None:
         """Switch one heater off and confirm it.

@@ -65,6 +65,7 @@ class TextLine:
         self._banner: str | None = None
         self._greeted = False  # on this connection
         self._in_step = False
+        self.is_unanswered = False  # True if the last try to greet the board got no right answer
         self._heard = b""
 
     def greet(self) -> str:
@@ -119,10 +120,11 @@ class TextLine:
                 self._answer_at_last(next(self._tokens))
             except (DeadlineError, ProtocolError):
                 if attempt == GREETINGS:
+                    self.is_unanswered = True
                     raise
                 self._await_silence()
             else:
-                self._greeted = True
+                self._greeted, self.is_unanswered = True, False
                 return
 
     def _answer_at_last(self, exchange: Exchange) -> str:

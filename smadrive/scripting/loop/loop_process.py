@@ -16,8 +16,8 @@ from smadrive.clock import MonotonicClock, VirtualClock
 from smadrive.control.loop import LoopMetrics
 from smadrive.errors import ControllerError, SafetyError, StoppedError, TripError
 from smadrive.real_time import use_real_time_scheduling
+from smadrive.rig.plan import stale_after_s
 from smadrive.rig.rig import Rig
-from smadrive.rig.supervision import stale_after_s
 from smadrive.runs.experiments import drive, excite, heat, plan_excitation, track
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.tracking_plan import plan_tracking
