@@ -166,6 +166,10 @@ class Device:
         self._commanded[name] = write
         return decode(spans, words, reads)
 
+    def forget_command(self, name: str) -> None:
+        """Forget the previous command to the register `name`: the next `command` writes its value in any case."""
+        self._commanded.pop(name, None)
+
     def send_safe_state(self) -> None:
         """Send the known safe state at once, without waiting for replies, if the device does not answer any more.
 

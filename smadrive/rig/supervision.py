@@ -111,9 +111,13 @@ def supervisor(
 
 
 def check_rate(config: RigConfig, heater: Heater, clock: Clock) -> None:
-    """Raise ConfigError if the devices cannot keep up with the rig's rate. The current is set to zero."""
+    """Raise ConfigError if the devices cannot keep up with the rig's rate. The current is set to zero.
+
+    Every exchange writes, as the exchanges of a run do whose current changes.
+    """
     begun_s, period_s = clock.now_s(), 1.0 / config.rate_hz
     for _ in range(RATE_EXCHANGES):
+        heater.source.forget_command()
         heater.exchange(0.0)
     needed_s = (clock.now_s() - begun_s) / RATE_EXCHANGES
     if needed_s > period_s:

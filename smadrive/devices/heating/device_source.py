@@ -65,6 +65,9 @@ class DeviceSource(Generic[DeviceT]):
         """Send the safe state at once, without waiting for replies, if the device does not answer any more."""
         self.device.send_safe_state()
 
+    def forget_command(self) -> None:
+        """Do nothing, because every exchange sends its command."""
+
     def enter_safe_state(self) -> None:
         """Disarm, set zero current and switch the output off, confirmed by read-back."""
         self._armed = False

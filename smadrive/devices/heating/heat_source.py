@@ -114,6 +114,10 @@ class HeatSource(Protocol):
         """
         ...
 
+    def forget_command(self) -> None:
+        """Forget the last command, so that the next exchange sends its command even if it is the same."""
+        ...
+
     def send_safe_state(self) -> None:
         """Send the safe state at once, without waiting for replies, if the source does not answer any more.
 

@@ -103,6 +103,10 @@ class BenchSupply(DeviceSource[Device]):
             setting_a=readings[name].value,
         )
 
+    def forget_command(self) -> None:
+        """Forget the last command, so that the next exchange sends its command even if it is the same."""
+        self.device.forget_command(self._names["heater_current"])
+
     def enter_safe_state(self) -> None:
         """Set zero current and switch the output off, confirmed by read-back.
 

@@ -223,12 +223,14 @@ def test_an_output_that_blinks_between_two_exchanges_is_noticed(bench):
     assert not supply.on
 
 
-def test_rate_above_that_of_the_devices_is_rejected_with_a_possible_rate():
-    bench = Bench(rig_of(devices(), rate_hz=20.0))
+@pytest.mark.parametrize("rate_hz", [8.0, 20.0])
+def test_rate_above_that_of_the_devices_is_rejected_with_a_possible_rate(rate_hz):
+    """The supply answers at most ten requests per second, and a changed current needs two."""
+    bench = Bench(rig_of(devices(), rate_hz=rate_hz))
     with pytest.raises(ConfigError, match="rate_hz") as caught, bench.rig as rig:
         rig.excite(rig.excitation(22.0), lambda tick: None)
-    assert caught.value.value.startswith("0.1")
-    assert caught.value.limit == "0.05 s"
+    assert caught.value.value.startswith("0.2")
+    assert caught.value.limit == f"{1.0 / rate_hz:g} s"
 
 
 def test_unused_second_thermometer_is_allowed():
