@@ -42,12 +42,13 @@ class Duty(BaseModel):
     names: frozenset[str]
     unit_id: int | None
     serial_number: str | None
+    type_id: str | None = None
     waiting: str | None = None
 
     @property
     def key(self) -> DeviceKey:
         """The key of the guarded device."""
-        return DeviceKey(self.names, self.unit_id, self.serial_number)
+        return DeviceKey(self.names, self.unit_id, self.serial_number, type_id=self.type_id)
 
     def __str__(self) -> str:
         return (
@@ -69,6 +70,7 @@ class HeldDuty:
             names=key.names,
             unit_id=key.unit_id,
             serial_number=key.serial_number,
+            type_id=key.type_id,
         )
         self._file = _file(key)
         self._descriptor = descriptor
@@ -161,7 +163,7 @@ def _await_end(file: Path) -> None:
 
 
 def _file(key: DeviceKey) -> Path:
-    telling = key.serial_number or (sorted(key.names), key.unit_id)
+    telling = (sorted(key.names), key.unit_id) if key.serial_number is None else (key.type_id, key.serial_number)
     return state_dir() / "guardians" / f"{sha256(repr(telling).encode()).hexdigest()[:32]}.json"
 
 

@@ -71,12 +71,14 @@ class DeviceKey:
     names            permanent names of the port; empty if they are unknown
     unit_id          unit id on the line; None for a device without one
     serial_number    serial number; None if it is unknown
+    type_id          id of the profile that the device has proved; None if it is unknown
     port             present name of the port as a URL; it is not compared
     """
 
     names: frozenset[str]
     unit_id: int | None
     serial_number: str | None = None
+    type_id: str | None = field(default=None, kw_only=True)
     port: str = field(default="", compare=False)
 
     def port_match(self, other: DeviceKey) -> Match:
@@ -102,15 +104,17 @@ class DeviceKey:
     def proves(self, other: DeviceKey) -> bool:
         """Return True if `other` is certainly this device: then a guardian of this device may end when `other` is off.
 
-        A device with a serial number must show the same serial number. Any other device is recognised by its port.
+        A device with a serial number must show the same serial number, and must not have another type: devices of
+        different types may have the same number. Any other device is recognised by its port.
         """
         if self.serial_number is not None or other.serial_number is not None:
-            return self.serial_match(other) is Match.SAME
+            same_type = self.type_id == other.type_id or None in (self.type_id, other.type_id)
+            return same_type and self.serial_match(other) is Match.SAME
         return self.port_match(other) is Match.SAME
 
     def with_identity(self, profile: Profile, identity: Identity) -> DeviceKey:
-        """Return this key with the serial number of the device, which has proved its identity."""
-        return replace(self, serial_number=serial_number(profile, identity))
+        """Return this key with serial number and type of the device, which has proved its identity."""
+        return replace(self, serial_number=serial_number(profile, identity), type_id=profile.profile.id)
 
 
 def key_at(url: str, profile: Profile, unit_id: int | None) -> DeviceKey:

@@ -1,6 +1,7 @@
 """A device has one guardian, which is shown while it waits and relieved when the device is confirmed off."""
 
 import os
+from dataclasses import replace
 
 import pytest
 
@@ -45,6 +46,18 @@ def test_only_the_same_device_relieves_the_guardian():
             relieve(other)
             assert not held.relieved
         relieve(DeviceKey(frozenset({"/dev/elsewhere"}), 2, "77"))
+        assert held.relieved
+
+
+def test_device_of_another_type_with_the_same_serial_number_is_another_device():
+    supply, board = replace(KEY, type_id="riden-rd60xx"), replace(KEY, type_id="sma-reference")
+    with HeldDuty.take("riden", supply) as held, HeldDuty.take("board", board) as other:
+        assert other is not None
+        held.wait("no answer")
+        assert [duty.key for duty in waiting_duties()] == [supply]
+        relieve(board)
+        assert not held.relieved
+        relieve(supply)
         assert held.relieved
 
 

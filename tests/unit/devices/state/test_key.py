@@ -4,6 +4,7 @@ import os
 import threading
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -39,6 +40,16 @@ def test_the_table_has_every_cell():
 def test_a_device_without_a_serial_number_is_proved_by_its_port(port):
     one, other = DeviceKey(TRIPPED.names, 1), DeviceKey(frozenset(PORTS[port]), 1)
     assert one.proves(other) == (port is Match.SAME)
+
+
+@pytest.mark.parametrize(("other", "is_proved"), [("sma-reference", False), ("riden-rd60xx", True), (None, True)])
+def test_same_serial_number_proves_no_device_of_another_type(other, is_proved):
+    riden = key_at("serial:///dev/ttyS0", load_profile("riden-rd60xx"), 1)
+    riden = riden.with_identity(load_profile("riden-rd60xx:model_id=60121"), {"model_id": 60121, "serial_number": 77})
+    assert riden.type_id == "riden-rd60xx"
+    here = replace(TRIPPED, type_id=other)
+    assert (riden.proves(here), here.proves(riden)) == (is_proved, is_proved)
+    assert here.applies_to(riden)
 
 
 def test_another_unit_of_the_same_port_is_another_device():
