@@ -1,5 +1,7 @@
 """Loading fails for wrong entries in profiles with families, several tables or golden frames."""
 
+from math import isnan
+
 import pytest
 
 from smadrive.devices.profile.profile import load_profile
@@ -83,9 +85,20 @@ def test_channels_may_stand_apart_but_not_overlap(tmp_path):
         load_profile(path)
 
 
+@pytest.mark.parametrize("choice", ["", ":J", ":T", ":E"])
+@pytest.mark.parametrize("raw", [0, 65535])
+def test_end_of_the_range_of_a_thermocouple_module_is_no_temperature(choice, raw):
+    """An open or reversed thermocouple, too, shows an end of the range."""
+    reading = load_profile(f"adam-6018{choice}").register("tc_5").codec.decode((raw,))
+    assert isnan(reading.value)
+    assert reading.invalid is not None
+
+
 def test_a_choice_holds_for_every_channel_and_a_wrong_one_is_named():
-    assert load_profile("adam-6018:T").register("tc_5").codec.decode((0,)).value == -100.0
-    assert load_profile("adam-6018").register("tc_5").codec.decode((65535,)).value == pytest.approx(1370.0)
+    assert load_profile("adam-6018:T").register("tc_5").codec.decode((1,)).value == pytest.approx(
+        -100.0 + 500.0 / 65535
+    )
+    assert load_profile("adam-6018").register("tc_5").codec.decode((65534,)).value == pytest.approx(1370.0, abs=0.03)
     with pytest.raises(ConfigError) as error:
         load_profile("adam-6018:K")
     assert error.value.where == "profile 'adam-6018'"
