@@ -27,7 +27,7 @@ from smadrive.rig.calibration.rig_file import check_own_file, store_calibration
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.wire.boiling_point import STANDARD_HPA, boiling_point_c
-from smadrive.wire.cold_wire import calibration_caveats
+from smadrive.wire.cold_wire import calibration_caveats, limit_caveats
 
 
 class CalibratedSensor(StrEnum):
@@ -80,7 +80,7 @@ def main(
     store_calibration(path, sensor, section)
     _print(output, sensor, fit, points)
     output.say(f"{path}: {descriptions(load_rig(rig).calibration, today())[sensor]}")
-    caveats = _caveats(sensor, fit, closed_rig.data_sheet.ambient_c)
+    caveats = _caveats(sensor, fit, closed_rig.data_sheet.ambient_c, config.limits.temperature_max_c)
     output.warn(caveats)
     output.result(
         {
@@ -160,13 +160,18 @@ def _section(sensor: CalibratedSensor, fit: CalibrationFit, points: list[Calibra
     return values
 
 
-def _caveats(sensor: CalibratedSensor, fit: CalibrationFit, ambient_c: float) -> tuple[str, ...]:
+def _caveats(sensor: CalibratedSensor, fit: CalibrationFit, ambient_c: float, limit_c: float) -> tuple[str, ...]:
     """Return the reasons to distrust a calibration, one sentence each."""
     only_offset = "one point determines only the offset; a second point would determine the scale, too"
     few = () if fit.scale_uncertainty is not None else (only_offset,)
     if sensor is not CalibratedSensor.TEMPERATURE:
         return few
-    return (*few, *calibration_caveats(fit.scale * ambient_c + fit.offset, ambient_c))
+
+    def correct(reading_c: float) -> float:
+        return fit.scale * reading_c + fit.offset
+
+    cold = calibration_caveats(correct(ambient_c), ambient_c)
+    return (*few, *cold, *limit_caveats(correct, ambient_c, limit_c))
 
 
 def _print(output: Output, sensor: CalibratedSensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> None:

@@ -37,6 +37,7 @@ from smadrive.rig.supervision import WireChecks, check_rate, supervisor, wire_ch
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
 from smadrive.safety.temperature_band import Heated
+from smadrive.wire.cold_wire import limit_caveats
 from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
@@ -72,7 +73,8 @@ class Rig:
         self._transports = transports or {}
         profiles = {device.name: load_profile(device.profile) for device in config.devices}
         self._plan = plan_rig(config, profiles, self._transports)
-        self.caveats = self._plan.caveats
+        correct, limit_c = self._plan.corrections.temperature.corrected, config.limits.temperature_max_c
+        self.caveats = *self._plan.caveats, *limit_caveats(correct, self.data_sheet.ambient_c, limit_c)
         self._trace_folder = trace_folder
         self._heated: Heated | None = None
 

@@ -46,6 +46,14 @@ def test_mistyped_known_value_is_doubted_and_no_advice_raises_a_current(smadrive
     assert "calibrate the thermocouple again" in excited.stderr.lower()
 
 
+def test_mistyped_hot_point_is_doubted_although_it_is_right_at_ambient(smadrive, tmp_path):
+    """0.2 °C read at 0 °C and 99.6 °C at a mistyped 80 °C."""
+    table = "[calibration.temperature]\noffset_c = -0.16\noffset_uncertainty_c = 0.2\nscale = 0.805\non = 2026-11-01\n"
+    (tmp_path / "rig.toml").write_text(f"{SHIPPED.read_text()}\n{table}")
+    caveats = json.loads(smadrive("probe", "rig.toml", "--json").stdout)["caveats"]
+    assert any("temperature_max_c" in text for text in caveats)
+
+
 def test_calibration_near_ambient_is_not_doubted(smadrive):
     done = json.loads(smadrive("calibrate", "rig.toml", "temperature", "--point", "25", "--json").stdout)
     assert not any("ambient_c" in text for text in done["caveats"])

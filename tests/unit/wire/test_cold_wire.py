@@ -4,7 +4,7 @@ from math import nan
 
 import pytest
 
-from smadrive.wire.cold_wire import COLD_WIRE_K, calibration_caveats, cold_wire_caveats, is_too_cold
+from smadrive.wire.cold_wire import COLD_WIRE_K, calibration_caveats, cold_wire_caveats, is_too_cold, limit_caveats
 
 AMBIENT_C = 22.0
 
@@ -21,3 +21,12 @@ def test_reading_far_from_ambient_is_a_caveat(difference_k, is_doubted):
 def test_invalid_reading_is_no_caveat():
     assert cold_wire_caveats(nan, AMBIENT_C) == ()
     assert not is_too_cold(nan, AMBIENT_C)
+
+
+@pytest.mark.parametrize(
+    ("offset_c", "scale", "is_doubted"),
+    [(0.0, 0.8, True), (-9.0, 0.98, True), (0.0, 0.95, False), (0.0, 1.25, False), (-20.0, 1.0, False)],
+    ids=["too low", "low everywhere", "slightly low", "high", "wrong at ambient, too"],
+)
+def test_calibration_that_is_right_at_ambient_but_lowers_the_limit_is_a_caveat(offset_c, scale, is_doubted):
+    assert len(limit_caveats(lambda reading_c: scale * reading_c + offset_c, AMBIENT_C, 130.0)) == is_doubted
