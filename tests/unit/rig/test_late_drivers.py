@@ -9,11 +9,13 @@ import programs
 import pytest
 
 from smadrive.devices.profile.profile import load_profile
-from smadrive.errors import SafetyError
+from smadrive.devices.state.latch import TripLatch
+from smadrive.errors import DeadlineError, SafetyError
 from smadrive.rig.config import DeviceConfig
 from smadrive.rig.connections import key_of
 from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.switching_off.drivers import MOST_LATE, stop_drivers, stop_late_drivers
+from smadrive.rig.switching_off.switch_off import _SourceOff, _stop_late
 
 DRIVER = """
 import sys, time
@@ -74,6 +76,31 @@ def test_heater_is_confirmed_off_again_after_each_driver_that_came(keys, start):
     assert [driver.pid for driver in stopped] == pids
     assert len(confirmed) == 2
     assert refused is None
+
+
+def source_off(name, confirm_again):
+    return _SourceOff(name, None, None, TripLatch(None), (), confirm_again)
+
+
+def test_failed_second_confirmation_does_not_leave_out_the_other_sources(keys, start):
+    pid, confirmed = start(), []
+
+    def fail():
+        raise DeadlineError("no reply")
+
+    sources = [source_off("first", fail), source_off("second", lambda: confirmed.append("second"))]
+    stopped, refused, failure = _stop_late(keys, sources)
+    assert [driver.pid for driver in stopped] == [pid]
+    assert refused is None
+    assert isinstance(failure, DeadlineError)
+    assert confirmed == ["second"]
+
+
+def test_drivers_that_start_again_and_again_do_not_leave_out_the_other_devices(keys, start):
+    start()
+    stopped, refused, failure = _stop_late(keys, [source_off("first", start)])
+    assert (stopped, refused) == ((), None)
+    assert failure.limit == MOST_LATE
 
 
 def test_driver_of_an_ended_terminal_keeps_no_number_from_a_new_one(keys, start):
