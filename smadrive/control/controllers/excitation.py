@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite, nan
+from math import isfinite, isnan, nan
 
 from smadrive.control.controllers.feedback import PIGains, TemperatureFeedback
 from smadrive.control.controllers.interface import Command
@@ -65,8 +65,14 @@ class ExcitationController:
         return self._path_s + self._waited_s
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command that takes the wire to the temperature of the path at the end of the coming period."""
+        """Return the command that takes the wire to the temperature of the path at the end of the coming period.
+
+        Until the first valid reading the path waits, and the current is zero.
+        """
         reading_c = self._reading_c(measurement)
+        if isnan(reading_c):
+            self._waited_s += dt_s
+            return Command(0.0, setpoint_c=self._path_c(0.0))
         self._wait(time_s, reading_c, dt_s)
         on_path_s = time_s - self._waited_s
         setpoint_c = self._path_c(on_path_s + dt_s)

@@ -82,10 +82,12 @@ class ConstantTemperatureController:
     def update(self, _time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Return the command for the coming period of `dt_s` seconds.
 
-        An invalid reading of the thermocouple is replaced by the last valid reading.
+        An invalid reading of the thermocouple is replaced by the last valid reading. Without one, the current is zero.
         """
         if isfinite(measurement.temperature_c):
             self._reading_c = measurement.temperature_c
+        if isnan(self._reading_c):
+            return Command(0.0, setpoint_c=self._setpoint_c)
         feedforward_w = self._balance.power_w(self._setpoint_c, 0.0, 0.0)
         error_c = self._setpoint_c - self._reading_c
         power_w = self._feedback.update(error_c, feedforward_w, self._limit_w, dt_s)
