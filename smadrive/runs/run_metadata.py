@@ -29,19 +29,34 @@ IDENTIFIABLE = (
 """The cure for a log from which no wire can be identified."""
 
 COMPLETE = 0.98
-"""An experiment that reached this share of its duration counts as complete."""
+"""An experiment that reached this share of its duration counts as complete, unless its log says that it ended early."""
+
+RECORDED = tuple(field.name for field in fields(ExcitationRecord))
+"""The columns from which a wire is identified."""
+
+LEAST_VALID, FEW_INVALID = 0.8, 0.01
+"""Least share of samples with all values in a usable record, and largest share without them that is no caveat."""
 
 
 def excitation_record(log: Log) -> ExcitationRecord:
-    """Return the columns from which a wire is identified, without a measurement that tripped: it may be invalid.
+    """Return the columns from which a wire is identified.
 
-    DataError for a log of another experiment, and when a value is missing or not finite.
+    A measurement that tripped is left out, because it may be invalid, and so is a sample that lacks a value. DataError
+    for a log of another experiment, and when more than a few samples lack a value (`LEAST_VALID`).
     """
     if log.kind is not RunKind.EXCITATION:
         raise DataError("not the log of an excitation", where=log.path, value=log.kind.value, cure=IDENTIFIABLE)
-    names = [field.name for field in fields(ExcitationRecord)]
     accepted = log.without_trips()
-    return ExcitationRecord(*(accepted.column(name) for name in names))
+    valid = _valid_rows(accepted)
+    if np.count_nonzero(valid) >= LEAST_VALID * valid.size:
+        accepted = accepted.rows(valid)
+    return ExcitationRecord(*(accepted.column(name) for name in RECORDED))
+
+
+def _valid_rows(log: Log) -> NDArray[np.bool_]:
+    """Return True for each row that has a finite value in every column of `RECORDED`."""
+    recorded = [log.column_with_gaps(name) for name in RECORDED if name in log.columns]
+    return np.asarray(np.isfinite(recorded).all(axis=0))
 
 
 def rig_config_of(log: Log) -> RigConfig:
@@ -62,14 +77,29 @@ def excitation_of(log: Log) -> Excitation:
 
 def excitation_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust a model identified from this log. DataError for a log of another experiment."""
+    return (*_end_caveats(log), *_gap_caveats(log), *_stroke_caveats(log))
+
+
+def _end_caveats(log: Log) -> tuple[str, ...]:
+    """Return a caveat if the experiment ended early.
+
+    The time alone does not show this, because a path that has waited for the wire takes longer than planned.
+    """
     planned_s, recorded_s = excitation_of(log).duration_s, float(_times_s(log)[-1])
-    caveats = _stroke_caveats(log)
-    if recorded_s > COMPLETE * planned_s:
-        return caveats
-    return (
-        f"the experiment ended after {recorded_s:.0f} of its {planned_s:.0f} s: a part of the behaviour is missing",
-        *caveats,
-    )
+    if log.end_time and not log.ended_by and recorded_s > COMPLETE * planned_s:
+        return ()
+    planned = f"{planned_s:.0f} s, and the time for which its path waited, were planned"
+    return (f"the experiment ended early, after {recorded_s:.0f} s ({planned}): a part of the behaviour is missing",)
+
+
+def _gap_caveats(log: Log) -> tuple[str, ...]:
+    """Return a caveat if more than a few samples are left out because they lack a value."""
+    valid = _valid_rows(log.without_trips())
+    invalid = valid.size - int(np.count_nonzero(valid))
+    if invalid <= FEW_INVALID * valid.size:
+        return ()
+    share = f"{invalid} of {valid.size} samples ({100.0 * invalid / valid.size:.0f} %)"
+    return (f"{share} lack a valid value and are left out: check the sensors, and record the excitation again",)
 
 
 def _stroke_caveats(log: Log) -> tuple[str, ...]:
@@ -77,9 +107,10 @@ def _stroke_caveats(log: Log) -> tuple[str, ...]:
 
     A log of version 0.1 does not hold the length of the wire, so only the unit is checked.
     """
-    if "displacement_mm" not in log.columns:
+    displacement_mm = log.without_trips().columns.get("displacement_mm", np.empty(0))
+    displacement_mm = displacement_mm[np.isfinite(displacement_mm)]
+    if not displacement_mm.size:
         return ()
-    displacement_mm = log.without_trips().column("displacement_mm")
     if "data_sheet" not in log.metadata:
         return unit_caveats("displacement_mm", displacement_mm)
     length_mm = log.parsed("data_sheet", lambda sheet: float(sheet["length_mm"]))

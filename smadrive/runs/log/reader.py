@@ -117,7 +117,10 @@ class Log:
 
     def without_trips(self) -> Log:
         """Return this log without the rows whose measurement tripped."""
-        kept = ~self.tripped_rows
+        return self.rows(~self.tripped_rows)
+
+    def rows(self, kept: NDArray[np.bool_]) -> Log:
+        """Return this log with the rows for which `kept` (rows,) is True."""
         return replace(self, columns={name: values[kept] for name, values in self.columns.items()})
 
     def column_with_gaps(self, name: str) -> FloatArray:

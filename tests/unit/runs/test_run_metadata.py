@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from smadrive.errors import DataError
-from smadrive.runs.log.reader import Log
+from smadrive.runs.log.reader import ENDED_BY, Log, RunEvent
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import (
+    RECORDED,
     excitation_caveats,
     excitation_of,
     excitation_record,
@@ -61,22 +62,65 @@ def test_invalid_reference_is_refused(log_of_0_1, change):
     assert error.value.where == "old.h5: reference"
 
 
-@pytest.mark.parametrize(("ended_s", "expected"), [(200.0, ()), (197.0, ()), (76.0, ("ended after 76 of its 200 s",))])
-def test_cut_experiment_has_a_caveat(ended_s, expected):
-    metadata = {"excitation": json.dumps({"turning_points_c": [20.0, 120.0, 20.0], "rate_c_per_s": 1.0})}
-    columns = {"time_s": np.linspace(0.0, ended_s, 100)}
-    caveats = excitation_caveats(Log(Path("e.h5"), columns, metadata, (), "", "", ""))
-    assert len(caveats) == len(expected)
-    assert all(part in caveat for part, caveat in zip(expected, caveats, strict=True))
+EXCITATION = json.dumps({"turning_points_c": [20.0, 120.0, 20.0], "rate_c_per_s": 1.0})
+END_TIME = "2026-01-01T00:00:00+00:00"
+
+
+def excited(columns, metadata=None, ended_by="", end_time=END_TIME):
+    """The log of an excitation of 200 s."""
+    events = (RunEvent(0.0, ENDED_BY + ended_by),) if ended_by else ()
+    metadata = {"kind": RunKind.EXCITATION, "excitation": EXCITATION, **(metadata or {})}
+    return Log(Path("e.h5"), columns, metadata, events, "", end_time, "")
+
+
+@pytest.mark.parametrize(
+    ("ended_s", "end", "caveats"),
+    [
+        (200.0, {}, 0),
+        (197.0, {}, 0),
+        (240.0, {}, 0),
+        (76.0, {}, 1),
+        (76.0, {"ended_by": "interruption: Ctrl-C"}, 1),
+        (215.0, {"ended_by": "interruption: Ctrl-C"}, 1),
+        (215.0, {"end_time": ""}, 1),
+    ],
+)
+def test_cut_experiment_has_a_caveat(ended_s, end, caveats):
+    found = excitation_caveats(excited({"time_s": np.linspace(0.0, ended_s, 100)}, **end))
+    assert len(found) == caveats
+    assert all(f"{ended_s:.0f} s" in caveat for caveat in found)
 
 
 @pytest.mark.parametrize("stroke_mm", [12.0, 12_000.0])
 @pytest.mark.parametrize("metadata", [{"data_sheet": '{"length_mm": 300.0}'}, {}])
 def test_stroke_that_the_wire_cannot_have_is_a_caveat(metadata, stroke_mm):
-    excitation = json.dumps({"turning_points_c": [20.0, 120.0, 20.0], "rate_c_per_s": 1.0})
     columns = {"time_s": np.linspace(0.0, 200.0, 100), "displacement_mm": np.linspace(0.0, stroke_mm, 100)}
-    caveats = excitation_caveats(Log(Path("e.h5"), columns, {"excitation": excitation, **metadata}, (), "", "", ""))
+    caveats = excitation_caveats(excited(columns, metadata))
     assert [caveat.split(" by ")[0] for caveat in caveats] == ["displacement_mm moves"] * (stroke_mm > 1000.0)
+
+
+def with_gaps(gaps, name="temperature_c"):
+    """The log of an excitation with 1000 samples, of which `gaps` lack a value in the column `name`."""
+    columns = {column: np.linspace(0.0, 200.0, 1000) for column in RECORDED}
+    columns[name][5 : 5 + gaps] = np.nan
+    return excited(columns)
+
+
+@pytest.mark.parametrize("name", ["temperature_c", "displacement_mm", "voltage_v"])
+@pytest.mark.parametrize(("gaps", "caveats"), [(0, 0), (1, 0), (10, 0), (11, 1), (200, 1)])
+def test_samples_without_a_value_are_left_out(name, gaps, caveats):
+    log = with_gaps(gaps, name)
+    record = excitation_record(log)
+    assert [column.size for column in vars(record).values()] == [1000 - gaps] * len(RECORDED)
+    assert np.isfinite(list(vars(record).values())).all()
+    assert len(excitation_caveats(log)) == caveats
+
+
+@pytest.mark.parametrize("gaps", [201, 995])
+def test_record_of_too_few_valid_samples_is_refused(gaps):
+    with pytest.raises(DataError) as error:
+        excitation_record(with_gaps(gaps))
+    assert error.value.where == "e.h5, sample 6, column 'temperature_c'"
 
 
 @pytest.mark.parametrize("kind", [kind for kind in RunKind if kind is not RunKind.EXCITATION])
