@@ -10,6 +10,7 @@ transformation, and by about 0.1 % per kelvin within a phase.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 from statistics import median
 from typing import NamedTuple
 
@@ -46,9 +47,14 @@ def expected_rest(entries: Sequence[HealthEntry], model: str, identified_ohm: fl
     starts = [number for number, entry in enumerate(entries) if entry.is_identification]
     if not starts or entries[starts[-1]].model != model:
         return ExpectedRest(identified_ohm, MOST_TOLERANCE)
-    runs = [run for run in entries[starts[-1] + 1 :] if run.rest_ohm.is_known and not run.tripped][-RUNS:]
+    runs = [run for run in entries[starts[-1] + 1 :] if _counts(run)][-RUNS:]
     if len(runs) < LEAST_RUNS:
         return ExpectedRest(identified_ohm, MOST_TOLERANCE)
     ohm = median(run.rest_ohm.value for run in runs)
     deviations = sorted(abs(run.rest_ohm.value / ohm - 1.0) + run.rest_spread for run in runs)
     return ExpectedRest(ohm, min(max(GATE * deviations[-2], LEAST_TOLERANCE), MOST_TOLERANCE))
+
+
+def _counts(run: HealthEntry) -> bool:
+    """Return True for a run without a trip whose resistance at rest, and its deviation within the run, are known."""
+    return run.rest_ohm.is_known and isfinite(run.rest_spread) and not run.tripped

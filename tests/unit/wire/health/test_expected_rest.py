@@ -1,5 +1,7 @@
 """The resistance that the next run is expected to find, and its tolerance."""
 
+from math import nan
+
 import pytest
 
 from smadrive.wire.health.entry import IDENTIFICATION, Estimate, HealthEntry
@@ -31,6 +33,7 @@ def run(ohm, spread=0.001, **values):
         [IDENTIFIED.model_copy(update={"model": "b"}), *[run(10.5)] * 5],
         [IDENTIFIED, *[run(10.5)] * 5, IDENTIFIED],
         [IDENTIFIED, *[HealthEntry(kind="tracking", begun="", model="a")] * 5],
+        [IDENTIFIED, *[run(10.5, spread=nan)] * 5],
     ],
 )
 def test_without_enough_sound_runs_only_a_gross_jump_is_one(entries):
