@@ -117,7 +117,8 @@ class WireResistance:
         low_c, high_c = NODES_C
         if not (low_c <= nodes[0] and nodes[-1] <= high_c):
             limits = f"{low_c:g} to {high_c:g} °C"
-            raise ModelError("out of its range", where="resistance: nodes_c", value=f"{nodes[-1]:g} °C", limit=limits)
+            wrong_c = nodes[0] if nodes[0] < low_c else nodes[-1]
+            raise ModelError("out of its range", where="resistance: nodes_c", value=f"{wrong_c:g} °C", limit=limits)
 
     def check_change(self) -> None:
         """Raise ModelError if the resistance hardly depends on the phase, or depends on it as that of no alloy."""

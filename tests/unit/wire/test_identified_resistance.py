@@ -39,6 +39,15 @@ def test_no_phase_where_the_resistance_does_not_depend_on_it():
     assert np.isnan(flat.phase(17.0, 80.0, 0.5))
 
 
+@pytest.mark.parametrize(("place", "node_c"), [(0, -5000.0), (-1, 5000.0)])
+def test_node_out_of_its_range_is_named(place, node_c):
+    nodes = list(NODES)
+    nodes[place] = node_c
+    with pytest.raises(ModelError) as raised:
+        dataclasses.replace(RESISTANCE, nodes_c=tuple(nodes))
+    assert raised.value.value == f"{node_c:g} °C"
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [
