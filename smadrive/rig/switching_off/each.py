@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TypeVar
 
-DeviceT = TypeVar("DeviceT")
+ItemT = TypeVar("ItemT")
 ResultT = TypeVar("ResultT")
 
 
-def each(devices: Iterable[DeviceT], act: Callable[[DeviceT], ResultT]) -> tuple[list[ResultT], Exception | None]:
-    """Call `act` for every device, even after an error. Return the results, and the first error or None."""
+def each(items: Iterable[ItemT], act: Callable[[ItemT], ResultT]) -> tuple[list[ResultT], Exception | None]:
+    """Call `act` for every item, even after an error. Return the results, and the first error or None."""
     results: list[ResultT] = []
     failure: Exception | None = None
-    for device in devices:
+    for item in items:
         try:
-            results.append(act(device))
-        except Exception as error:  # noqa: BLE001  (whatever the error is, the other devices must be switched off)
+            results.append(act(item))
+        except Exception as error:  # noqa: BLE001  (whatever the error is, the other items follow)
             failure = failure or error
     return results, failure
