@@ -42,7 +42,7 @@ def never() -> bool:
 
 
 class Actuator(Protocol):
-    """The interface of a heater for the loop: enable the heater, command a current, reach zero current."""
+    """The interface of a heater for the loop."""
 
     def arm(self, watchdog_s: float) -> None:
         """Enable heating at zero current; the device switches off after `watchdog_s` without a command."""
@@ -178,10 +178,7 @@ class ControlLoop:
             number += 1 + self._skipped(due_s)
 
     def _skipped(self, due_s: float) -> int:
-        """Return the number of deadlines that passed during the tick due at `due_s`.
-
-        The loop does not make up for these ticks.
-        """
+        """Return the number of deadlines that passed during the tick due at `due_s`. Their ticks are left out."""
         skipped = max(int((self._clock.now_s() - due_s) / self._period_s - LATE_FRACTION), 0)
         self.metrics.missed_deadlines += skipped
         self._overran = skipped > 0

@@ -27,11 +27,10 @@ from smadrive.devices.identity import UNKNOWN, Identity, IdentityCheck, Identity
 from smadrive.devices.profile.codec import down
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import RegisterReading
-from smadrive.devices.profile.schema import WriteOrder
 from smadrive.devices.read_plan import decode, words_of_register
 from smadrive.devices.register_access import RegisterAccess, RegisterWrite
 from smadrive.devices.retry import retry_all
-from smadrive.errors import ConfigError, DeadlineError, IdentityError, ProtocolError, TransportError
+from smadrive.errors import ConfigError, IdentityError, ProtocolError, TransportError
 from smadrive.modbus import requests
 from smadrive.modbus.client import ModbusClient
 
@@ -57,9 +56,8 @@ class Device:
         """Nothing is sent yet. ConfigError when `unit_id` cannot belong to a single device."""
         lowest, highest = (1, 247) if profile.profile.protocol == "modbus-rtu" else (0, 255)
         if unit_id is not None and not lowest <= unit_id <= highest:
-            raise ConfigError(
-                "is not the unit id of a single device", where="unit_id", value=unit_id, limit=f"{lowest} to {highest}"
-            )
+            what, limit = "is not the unit id of a single device", f"{lowest} to {highest}"
+            raise ConfigError(what, where="unit_id", value=unit_id, limit=limit)
         timing = profile.bus_timing()
         timing = timing if read_retries is None else replace(timing, read_retries=read_retries)
         self.client = client
@@ -91,7 +89,7 @@ class Device:
         first = self._proved_on is None
         self._doubt.is_unanswered = False
         try:
-            readings = self._read_patiently(names) if first else self._registers.read(names, proved=True)
+            readings = self._registers.read_patiently(names) if first else self._registers.read(names, proved=True)
         except (TransportError, ProtocolError):
             self._doubt.is_unanswered = True
             raise
@@ -144,38 +142,33 @@ class Device:
         """Read `reads`, then write `value` to the register `name`, unless the previous command wrote the same value.
 
         The value is rounded down. `reads` must include `name`. Return the readings by name; they show the effect of the
-        previous command. ReadBackError when the register does not hold the value of the previous command.
-
-        No read is retried that a silent device would prolong beyond `within_s` from now.
+        previous command. ReadBackError when the register does not hold the value of the previous command. No read is
+        retried that a silent device would prolong beyond `within_s` from now.
         """
         with self._doubt, self._registers.retrying_until(self.clock.now_s() + within_s):
-            return self._command(name, value, reads, proved=proved)
-
-    def _command(self, name: str, value: float, reads: Sequence[str], *, proved: bool) -> dict[str, RegisterReading]:
-        self._prove_model()
-        write = self._registers.encode(name, value, down)
-        self._prove_identity()
-        spans = self._registers.plans.read(tuple(reads))
-        words = [self._registers.span_words(span, proved=proved) for span in spans]
-        before = self._commanded.pop(name, None)
-        if before is not None:
-            self._registers.confirm(before, words_of_register(spans, words, name))
-        if before is None or before.words != write.words:
-            self._keep_order(name)
-            self._registers.send(write, self._proved_on)
-        self._commanded[name] = write
-        return decode(spans, words, reads)
+            self._prove_model()
+            write = self._registers.encode(name, value, down)
+            self._prove_identity()
+            spans = self._registers.plans.read(tuple(reads))
+            words = [self._registers.span_words(span, proved=proved) for span in spans]
+            before = self._commanded.pop(name, None)
+            if before is not None:
+                self._registers.confirm(before, words_of_register(spans, words, name))
+            if before is None or before.words != write.words:
+                self._keep_order(name)
+                self._registers.send(write, self._proved_on)
+            self._commanded[name] = write
+            return decode(spans, words, reads)
 
     def forget_command(self, name: str) -> None:
         """Forget the previous command to the register `name`: the next `command` writes its value in any case."""
         self._commanded.pop(name, None)
 
     def send_safe_state(self) -> None:
-        """Send the known safe state at once, without waiting for replies, if the device does not answer any more.
+        """Send the known safe state without waiting for replies if the device does not answer any more.
 
-        A line can lose all replies and still deliver the requests. The device does not answer if the last exchange got
-        no right reply, and one proof of the identity gets none either. That proof is tried now, unless it has already
-        failed. Nothing is sent to another device, nor on a connection on which no proof has succeeded.
+        The device does not answer if the last exchange and one proof of the identity got no right reply; the proof is
+        tried now, unless it has failed already. Nothing is sent on a connection on which no proof has succeeded.
         """
         if not (self._is_proved and (self._doubt.has_failed or self._has_switch)):
             return
@@ -190,8 +183,8 @@ class Device:
     def enter_safe_state(self) -> None:
         """Write the profile's safe state and confirm it by read-back; see `retry_all`.
 
-        If the device does not answer, the safe state is sent first; see `send_safe_state`. After every failed write,
-        the write is sent again, without waiting.
+        A line can lose all replies and still deliver the requests: `send_safe_state` goes first, and a failed write is
+        sent again, without waiting.
         """
         with suppress(Exception):  # whatever the error is, the steps follow
             self.send_safe_state()
@@ -234,37 +227,10 @@ class Device:
             self._registers.confirm(write, self._registers.words(write.name, proved=True))
 
     def _keep_order(self, name: str) -> None:
-        """Write the registers that `write_order` demands first.
-
-        ConfigError if a rule has no value and the caller has not written the register of the rule yet.
-        """
-        for rule in self.profile.write_order:
-            if rule.before not in ("*", name) or rule.write == name:
-                continue
-            if rule.value is not None:
-                self._ensure(rule, rule.value)
-            elif rule.write not in self._written:
-                raise ConfigError(
-                    f"cannot be written before '{rule.write}'",
-                    where=f"register '{name}'",
-                    cure=f"write '{rule.write}' first",
-                )
-
-    def _ensure(self, rule: WriteOrder, value: float) -> None:
-        """Write `value` to the register of the rule unless the register holds it already."""
-        write = self._registers.encode(rule.write, value)
-        if self._registers.words(rule.write, proved=True) != write.words:
-            self._store(write)
-
-    def _read_patiently(self, names: tuple[str, ...]) -> dict[str, RegisterReading]:
-        """Read the registers with `proved=True`; if the device is silent, try again until `patience_s` has passed."""
-        give_up_s = self.client.clock.now_s() + self.profile.timing.patience_s
-        while True:
-            try:
-                return self._registers.read(names, proved=True)
-            except DeadlineError:
-                if self.client.clock.now_s() >= give_up_s:
-                    raise
+        """Write the registers that `write_order` demands before a write to `name`, unless they hold the values."""
+        for write in self._registers.writes_before(name, self._written):
+            if self._registers.words(write.name, proved=True) != write.words:
+                self._store(write)
 
     def _prove_model(self) -> None:
         """Check the identity if the registers depend on the model and the model is not certain at this moment."""

@@ -133,21 +133,15 @@ class Heater:
             raise
         measurement = self._measurement(supplied, in_force_a, limits)
         if not isfinite(current_a):
-            raise SafetyError(
-                "the commanded current is not finite, so zero was sent",
-                where="current_a",
-                value=current_a,
-                cure="check the controller",
-            )
+            what, cure = "the commanded current is not finite, so zero was sent", "check the controller"
+            raise SafetyError(what, where="current_a", value=current_a, cure=cure)
         return measurement
 
     def end_heat(self) -> None:
-        """Command zero current once. A source that does not answer any more gets its safe state, without waiting.
+        """Command zero current once. A source that does not answer any more is sent its safe state before that.
 
-        Call this only when `enter_safe_state` follows. TakenOverError when the guardian has taken over the heater.
+        Call this only when `enter_safe_state` follows.
         """
-        if self._guard is not None:
-            self._guard.check()
         self.source.send_safe_state()
         self.exchange(0.0)
 
@@ -176,12 +170,8 @@ class Heater:
         self.source.clear_faults()
         measurement = self.exchange(0.0)
         if measurement.device_faults:
-            raise SafetyError(
-                "not cleared, because their cause persists",
-                where="faults",
-                value=", ".join(measurement.device_faults),
-                cure="remove the cause first",
-            )
+            what, value = "not cleared, because their cause persists", ", ".join(measurement.device_faults)
+            raise SafetyError(what, where="faults", value=value, cure="remove the cause first")
         return measurement
 
     def _switch_off(self) -> None:

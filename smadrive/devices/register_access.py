@@ -6,7 +6,7 @@ connection on which it was proved.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from contextlib import contextmanager
 from math import inf
 from typing import NamedTuple
@@ -18,7 +18,7 @@ from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import ALONE, Context, RegisterReading
 from smadrive.devices.profile.register import Register
 from smadrive.devices.read_plan import RegisterSpan, RequestPlans, decode, words_of_register
-from smadrive.errors import ConfigError, ExceptionReply, ReadBackError
+from smadrive.errors import ConfigError, DeadlineError, ExceptionReply, ReadBackError
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.requests import Request
@@ -76,6 +76,16 @@ class RegisterAccess:
         spans = self.plans.read(names)
         return decode(spans, [self.span_words(span, proved=proved) for span in spans], names)
 
+    def read_patiently(self, names: tuple[str, ...]) -> dict[str, RegisterReading]:
+        """Read the registers with `proved=True`; if the device is silent, try again until `patience_s` has passed."""
+        give_up_s = self._client.clock.now_s() + self.profile.timing.patience_s
+        while True:
+            try:
+                return self.read(names, proved=True)
+            except DeadlineError:
+                if self._client.clock.now_s() >= give_up_s:
+                    raise
+
     def span_words(self, span: RegisterSpan, *, proved: bool = False) -> tuple[int, ...]:
         """Read the adjacent registers of a span with one request, and return their words."""
         request = span.read_request(self.profile.timing.function_codes)
@@ -100,6 +110,23 @@ class RegisterAccess:
         if context.problem is not None:
             raise ConfigError("cannot be written now", where=f"register '{name}'", value=context.problem)
         return RegisterWrite(name, register, context, register.codec.encode(value, name, context, rounding))
+
+    def writes_before(self, name: str, written: Container[str]) -> Iterator[RegisterWrite]:
+        """Yield the writes of fixed values that `write_order` demands before a write to `name`.
+
+        ConfigError if a rule has no value and its register is not among the registers `written` so far.
+        """
+        for rule in self.profile.write_order:
+            if rule.before not in ("*", name) or rule.write == name:
+                continue
+            if rule.value is not None:
+                yield self.encode(rule.write, rule.value)
+            elif rule.write not in written:
+                raise ConfigError(
+                    f"cannot be written before '{rule.write}'",
+                    where=f"register '{name}'",
+                    cure=f"write '{rule.write}' first",
+                )
 
     def send(self, write: RegisterWrite, connection: int | None) -> None:
         """Send the write on the connection with this number; None allows any. An ExceptionReply names the register."""

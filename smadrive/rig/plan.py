@@ -177,12 +177,8 @@ def _check_addresses(devices: Sequence[PlannedDevice], where: str) -> None:
         _check_port(port, at_port)
     urls = {device.config.url for device in devices if device.is_simulated and not device.is_given}
     if len({url.partition("?")[0] for url in urls}) > 1:
-        raise ConfigError(
-            "the simulated devices of a rig must share one bench",
-            where=where,
-            value=", ".join(sorted(urls)),
-            cure="give all simulated devices the same url",
-        )
+        what, cure = "the simulated devices of a rig must share one bench", "give all simulated devices the same url"
+        raise ConfigError(what, where=where, value=", ".join(sorted(urls)), cure=cure)
 
 
 def _check_port(port: str, devices: Sequence[PlannedDevice]) -> None:
@@ -190,11 +186,8 @@ def _check_port(port: str, devices: Sequence[PlannedDevice]) -> None:
     by_unit: dict[int, PlannedDevice] = {}
     for device in devices:
         if len(devices) > 1 and not device.profile.has_registers:
-            raise ConfigError(
-                f"'{device.config.profile}' cannot share {port} with other devices",
-                where=device.where,
-                cure="connect the other devices to another port",
-            )
+            what = f"'{device.config.profile}' cannot share {port} with other devices"
+            raise ConfigError(what, where=device.where, cure="connect the other devices to another port")
         other = by_unit.setdefault(device.unit_id, device)
         if other is not device:
             raise ConfigError(
