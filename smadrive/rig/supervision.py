@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import exp, inf
+from math import inf
 from typing import NamedTuple
 
 from smadrive.clock import Clock
@@ -166,8 +166,8 @@ def _safety_limits(config: RigConfig, settle_s: float, lag_s: float, fresh_s: fl
 def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) -> None:
     """Raise ConfigError if the wire can overheat between two temperature readings.
 
-    The loop reads the temperature at most once per period. At current_max_a the wire approaches a settled temperature
-    T∞. After it has passed the limit T_max, it is hotter by (T∞ - T_max)(1 - exp(-t/τ)) at the time t.
+    The loop reads the temperature at most once per period. Until the readings that a trip needs show that the wire has
+    passed its limit, current_max_a may heat it further, by `LARGEST_EXCESS_K` at most.
 
     A heat source with a temperature limit of its own needs no reading of the loop: it compares its measurements with
     this limit itself.
@@ -183,8 +183,7 @@ def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) 
             limit=f"{distinct(most_s, period_s)} s",
             cure=FASTER,
         )
-    excess_k = _settled_c(balance, config.limits.current_max_a) - config.limits.temperature_max_c
-    excess_k *= 1.0 - exp(-READINGS_TO_TRIP * period_s / balance.time_constant_s)
+    excess_k = _excess_k(config, balance, READINGS_TO_TRIP * period_s)
     if excess_k > LARGEST_EXCESS_K:
         raise ConfigError(
             f"at current_max_a the wire exceeds temperature_max_c too far before {READINGS_TO_TRIP} readings show it",
@@ -195,7 +194,8 @@ def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) 
         )
 
 
-def _settled_c(balance: HeatBalance, current_a: float) -> float:
-    """Return the temperature that the wire approaches at a constant current, °C."""
-    ohm = max(balance.resistance_ohm(0.0), balance.resistance_ohm(1.0))
-    return balance.ambient_c + current_a**2 * ohm / balance.loss_w_per_k
+def _excess_k(config: RigConfig, balance: HeatBalance, for_s: float) -> float:
+    """Return how far the wire exceeds temperature_max_c when current_max_a flows `for_s` longer, K; 0 or less: never."""
+    limits = config.limits
+    power_w = limits.current_max_a**2 * max(balance.resistance_ohm(0.0), balance.resistance_ohm(1.0))
+    return balance.step(limits.temperature_max_c, power_w, 0.0, for_s) - limits.temperature_max_c
