@@ -18,6 +18,7 @@ from smadrive.identification.resistance_fit.fit import ResistanceFit
 from smadrive.identification.thermal import ThermalFit
 from smadrive.identification.wire import AnyFit, FitSettings, identify_hysteresis, identify_wire
 from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.metrics.caveats import run_caveats
 from smadrive.runs.run_metadata import excitation_caveats, excitation_record, nominal_balance
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.recorded_loops import recorded_sections
@@ -103,7 +104,7 @@ def check_log_columns(path: Path, columns: tuple[str, str]) -> None:
 def fit_log(log: Log, settings: FitSettings) -> RecordFit:
     """Fit heat balance, hysteresis and, if possible, resistance to the log of an excitation."""
     wire = identify_wire(excitation_record(log), nominal_balance(log), settings)
-    caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
+    caveats = (*run_caveats(log), *excitation_caveats(log), *wire.hysteresis.caveats)
     axes = "wire temperature / °C", "displacement / mm"
     return RecordFit(wire.hysteresis, wire.thermal, caveats, axes, wire.resistance, wire.without_resistance)
 

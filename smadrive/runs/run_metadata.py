@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ from smadrive.files.config import validate
 from smadrive.identification.column_units import stroke_caveats, unit_caveats
 from smadrive.identification.excitation import Excitation, ExcitationRecord
 from smadrive.measurement import DisplacementFrom
+from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.held_readings import between_readings
 from smadrive.rig.config import RigConfig
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_kind import RunKind
@@ -41,16 +43,33 @@ LEAST_VALID, FEW_INVALID = 0.8, 0.01
 def excitation_record(log: Log) -> ExcitationRecord:
     """Return the columns from which a wire is identified.
 
-    A measurement that tripped is left out, because it may be invalid, and so is a sample that lacks a value. DataError
+    A measurement that tripped is left out, because it may be invalid, and so is a sample that lacks a value. The
+    displacement is that at the time of the sample, also if its sensor is slower than the loop. The temperature stays
+    the latest reading: the age of a slow thermometer is a part of its fitted lag, with which a run uses it. DataError
     for a log of another experiment, and when more than a few samples lack a value (`LEAST_VALID`).
     """
     if log.kind is not RunKind.EXCITATION:
         raise DataError("not the log of an excitation", where=log.path, value=log.kind.value, cure=IDENTIFIABLE)
     accepted = log.without_trips()
+    if "displacement_mm" in accepted.columns:
+        in_time_mm = displacement_in_time(accepted)
+        accepted = replace(accepted, columns={**accepted.columns, "displacement_mm": in_time_mm})
     valid = _valid_rows(accepted)
     if np.count_nonzero(valid) >= LEAST_VALID * valid.size:
         accepted = accepted.rows(valid)
     return ExcitationRecord(*(accepted.column(name) for name in RECORDED))
+
+
+def displacement_in_time(log: Log) -> FloatArray:
+    """Return the displacement at the time of each row, mm, also if its sensor is slower than the loop.
+
+    It is NaN where the row has no valid reading. Logs of older versions do not hold the age of a reading; their
+    displacement is returned as it is.
+    """
+    latest_mm = log.column_with_gaps("displacement_mm")
+    if "displacement_age_s" not in log.columns:
+        return latest_mm
+    return between_readings(log.column_with_gaps("time_s"), log.column_with_gaps("displacement_age_s"), latest_mm)
 
 
 def _valid_rows(log: Log) -> NDArray[np.bool_]:

@@ -22,7 +22,7 @@ from smadrive.runs.health.rest_resistance import HeatedSamples, RestResistance, 
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.series import rms_and_max
 from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, measured_mm
-from smadrive.runs.run_metadata import nominal_balance, rig_config_of, wire_of
+from smadrive.runs.run_metadata import displacement_in_time, nominal_balance, rig_config_of, wire_of
 from smadrive.runs.session_record import models_of, tunings_of
 from smadrive.safety.resistance_band import current_min_a
 from smadrive.wire.health.entry import IDENTIFICATION, Estimate, HealthEntry, LoopShape
@@ -136,7 +136,8 @@ def _moved_mm(log: Log) -> FloatArray:
 
 
 def _drift(log: Log, wire: WireModel, config: RigConfig) -> LoopDrift:
-    columns = log.column("time_s"), log.column_with_gaps("temperature_c"), measured_mm(log)
+    moved_mm = np.where(np.isfinite(measured_mm(log)), displacement_in_time(log), nan)
+    columns = log.column("time_s"), log.column_with_gaps("temperature_c"), moved_mm
     rows = np.column_stack([column[-MOST_ROWS:] for column in columns])
     time_s, reading_c, displacement_mm = rows[np.isfinite(rows).all(axis=1)].T
     if len(time_s) < 2:

@@ -1,0 +1,63 @@
+"""A wire is identified with a laser that is read more slowly than the loop runs: its readings are not taken as new."""
+
+import json
+
+import pytest
+
+from firmware_sim.bench import SimulatedBench
+from firmware_sim.config import load_sim
+from smadrive.clock import VirtualClock
+from smadrive.identification.reshape import shape_of
+from smadrive.identification.wire import FitSettings
+from smadrive.rig.config import RigConfig, load_rig
+from smadrive.runs.health.entries import loop_shape, run_entry
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.record_fit import fit_log
+from smadrive.runs.run_log import record_excitation
+from tests.on_bench import rig_on
+
+SIM = "flexinol-lt-0.15mm"
+LASER = {"name": "laser", "profile": "baumer-om20", "url": f"sim://{SIM}", "rate_hz": 5.0}
+CAVEAT = "the laser is slow"
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """The log of an excitation at 20 Hz, whose displacement is read at 5 Hz."""
+    config = load_rig("in-process").model_dump(exclude_none=True)
+    config["devices"] = [config["devices"][0] | {"measures": ["temperature"]}, LASER]
+    bench, clock = SimulatedBench(load_sim(SIM), seed=1), VirtualClock()
+    clock.follow(bench.advance_to)
+    path = tmp_path_factory.mktemp("slow") / "excitation.h5"
+    with rig_on(bench, RigConfig.model_validate(config), clock) as rig:
+        excitation = rig.excitation(22.0)
+        with record_excitation(path, rig, excitation, caveats=json.dumps([CAVEAT])) as recorder:
+            rig.excite(excitation, recorder.tick)
+    return read_log(path)
+
+
+@pytest.fixture(scope="module")
+def fit(log):
+    return fit_log(log, FitSettings("duhem", components=1))
+
+
+@pytest.mark.exhaustive
+def test_branches_are_where_the_wire_has_them(fit):
+    true, found = load_sim(SIM).transformation, shape_of(fit.fit.model)
+    assert found.mu_heating == pytest.approx(true.mu_heating_c, abs=0.2)
+    assert found.mu_cooling == pytest.approx(true.mu_cooling_c, abs=0.2)
+
+
+@pytest.mark.exhaustive
+def test_caveats_of_the_log_are_those_of_the_wire(fit):
+    assert fit.caveats == (CAVEAT,)
+    assert fit.wire("excitation.h5").caveats == fit.caveats
+
+
+@pytest.mark.exhaustive
+def test_wire_has_not_drifted_in_its_own_excitation(log, fit, tmp_path):
+    fit.wire("excitation.h5").save(tmp_path / "wire.json")
+    entry = run_entry(log, tmp_path / "wire.json")
+    identified = loop_shape(fit.fit.model)
+    assert entry.heating_c.value == pytest.approx(identified.heating_c, abs=0.2)
+    assert entry.cooling_c.value == pytest.approx(identified.cooling_c, abs=0.2)
