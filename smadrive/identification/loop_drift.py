@@ -25,12 +25,13 @@ errors contain the change of the result.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import nan
 
 import numpy as np
 import scipy
 
+from smadrive.errors import ModelError
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.hysteresis.reversal import monotone_runs, turning_points
 from smadrive.identification.adaptation.likely_changes import LikelyChanges
@@ -106,7 +107,8 @@ def fit_loop_drift(
     """Return the drift of the loop of a wire, from the temperatures `wire_c` and the displacements of one run.
 
     `wire_c` and `displacement_mm` have the shape (samples,). `noise_c` is the noise of the thermocouple, K. `model` is
-    the model from the identification. The result is `UNKNOWN` for a run that does not show the loop.
+    the model from the identification. The result is `UNKNOWN` for a run that does not show the loop. If no model has
+    the fitted loop, only `model_percent` is known.
     """
     path_c, moved_mm = _path(wire_c, displacement_mm, NOISES * noise_c)
     stroke_mm, shape = abs(model.scale), shape_of(model)
@@ -115,8 +117,11 @@ def fit_loop_drift(
     if visited < LEAST_TRAVEL:
         return UNKNOWN
     model_percent = 100.0 * float(np.sqrt(np.mean(((moved_mm - predicted_mm) / stroke_mm) ** 2)))
-    drift, covariance = _fitted(model, shape, path_c, moved_mm)
-    other, _ = _fitted(model, shape, *_path(wire_c, displacement_mm, NARROWER * noise_c))
+    try:
+        drift, covariance = _fitted(model, shape, path_c, moved_mm)
+        other, _ = _fitted(model, shape, *_path(wire_c, displacement_mm, NARROWER * noise_c))
+    except ModelError:  # no model of the wire has the shape of this loop
+        return replace(UNKNOWN, model_percent=model_percent)
     heating_k, cooling_k, share, _ = drift.tolist()
     scale_error = float(np.hypot(SHIFT * noise_c / min(shape.sigma_heating, shape.sigma_cooling), MODEL_ERROR))
     systematic = np.array([noise_c, noise_c, scale_error / visited])
