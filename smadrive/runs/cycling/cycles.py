@@ -99,10 +99,13 @@ def cycling_of(log: Log) -> Cycling | None:
 
 
 def cycles_of(log: Log) -> list[CycleMetrics]:
-    """Return the metrics of each complete cycle, with those of the previous parts; empty for a run without cycles."""
-    cycling = cycling_of(log)
+    """Return the metrics of each complete cycle, with those of the previous parts; empty for a run without cycles.
+
+    A measurement that tripped does not count: it may be invalid.
+    """
+    cycling, log = cycling_of(log), log.without_trips()
     if cycling is None or not log.column("time_s").size:
-        return []
+        return [] if cycling is None else list(cycling.before)
     reference, measure = reference_of(log), _measure_of(log)
     rows = np.column_stack([log.column_with_gaps(name) for name in COLUMNS_OF_A_CYCLE])
     rows[:, COLUMNS_OF_A_CYCLE.index("displacement_mm")] = measured_mm(log)

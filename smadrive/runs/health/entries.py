@@ -69,8 +69,10 @@ def identification_entry(wire_file: Path) -> HealthEntry:
 def run_entry(log: Log, wire_file: Path) -> HealthEntry:
     """Return the entry of the run in `log`, on the wire in `wire_file`.
 
-    A run whose log holds a model is compared with this model, an excitation with the model in the wire file.
+    A run whose log holds a model is compared with this model, an excitation with the model in the wire file. A
+    measurement that tripped does not count: it may be invalid.
     """
+    log = log.without_trips()
     config = rig_config_of(log)
     wire = wire_of(log) if "wire" in log.metadata else load_wire(wire_file)
     stepped = WireModel(wire.model, wire.heat_balance or nominal_balance(log))

@@ -53,6 +53,7 @@ def _resistance_caveats(log: Log) -> tuple[str, ...]:
 
 def sample_caveats(log: Log) -> tuple[str, ...]:
     """Return the reason why the tracking error is unknown, or known only for a part of the samples, if it is so."""
+    log = log.without_trips()
     error = error_percent(log)[log.column("time_s") >= scored_from_s(log)]
     if error.size == 0:
         return ("the tracking error is unknown: the run ended in its approach, which is not scored",)

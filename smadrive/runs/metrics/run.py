@@ -19,7 +19,8 @@ from smadrive.runs.run_metadata import rig_config_of
 class TrackingMetrics:
     """Metrics of a tracking run. The error is setpoint minus displacement after the approach, in % of the stroke.
 
-    RMS and maximum are computed from the measured samples. They are NaN when the displacement was never measured.
+    RMS and maximum are computed from the measured samples, without one that tripped: it may be invalid. They are NaN
+    when the displacement was never measured.
     """
 
     rms_percent: float
@@ -35,7 +36,7 @@ def tracking_metrics(log: Log, loop: LoopMetrics) -> TrackingMetrics:
 
     DataError when the log is of another kind of run.
     """
-    rms, largest = rms_and_max(error_percent(log))
+    rms, largest = rms_and_max(error_percent(log.without_trips()))
     return TrackingMetrics(rms, largest, loop.ticks, loop.missed_deadlines, loop.trips, str(log.path))
 
 
@@ -51,7 +52,7 @@ def tripped_loop_metrics(log: Log) -> LoopMetrics:
 class RunMetrics:
     """Metrics of a complete or interrupted run, computed from its log alone. Unknown metrics are NaN.
 
-    rms_percent, max_percent    RMS and largest tracking error, in % of the stroke
+    rms_percent, max_percent    RMS and largest tracking error, in % of the stroke, without a sample that tripped
     missed_deadlines            number of ticks that began late by more than `LATE_FRACTION` of a period
     late_max_s                  largest delay of a tick, s
     current_max_a               largest measured current, A
@@ -77,7 +78,7 @@ def run_metrics(log: Log) -> RunMetrics:
     time_s = log.column("time_s")
     if time_s.size == 0:
         raise DataError("no tick was recorded", where=log.path, cure="record the run again")
-    error = error_percent(log) if has_setpoint(log) else np.array([nan])
+    error = error_percent(log.without_trips()) if has_setpoint(log) else np.array([nan])
     current_a, voltage_v = log.column_with_gaps("current_a"), log.column_with_gaps("voltage_v")
     return RunMetrics(
         log.kind.value,

@@ -77,6 +77,17 @@ def test_cycles_are_measured_until_the_sensor_fails(log):
     assert unknown.temperature_max_c == 80.0
 
 
+def test_measurement_that_tripped_is_in_no_cycle(log):
+    tripped, wrong_c = np.zeros(log.columns["time_s"].size), log.columns["temperature_c"].copy()
+    tripped[-1], wrong_c[-1] = 1.0, 900.0
+    marked = replace(log, columns={**log.columns, "temperature_c": wrong_c, "tripped": tripped})
+    assert cycles_of(marked)[-1].temperature_max_c == 80.0
+    before = replace(cycles_of(log)[0], cycle=1)
+    continued = {**log.metadata, "cycling": Cycling(CYCLES, (before,), "run.h5").text()}
+    at_once = replace(marked.rows(tripped > 0.0), metadata=continued)
+    assert cycles_of(at_once) == [before]
+
+
 def test_event_of_a_cycle_has_the_metrics_of_the_log(log):
     written = []
     events = CycleEvents(written.append, REFERENCE, Cycling(CYCLES), travel_mm(WIRE.model), 0.6)

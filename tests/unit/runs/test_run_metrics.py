@@ -45,6 +45,17 @@ def test_error_is_that_of_the_measured_samples(lost, expected):
     assert all(part in caveat for part, caveat in zip(expected, caveats, strict=True))
 
 
+def test_measurement_that_tripped_does_not_count():
+    log = log_of([])
+    tripped, wrong_mm = np.zeros(APPROACH + 100), log.columns["displacement_mm"].copy()
+    tripped[-1], wrong_mm[-1] = 1.0, -40.0
+    log = replace(log, columns={**log.columns, "displacement_mm": wrong_mm, "tripped": tripped})
+    assert tracking_metrics(log, LoopMetrics()).max_percent == pytest.approx(1.0, rel=1e-3)
+    first = replace(log, columns={name: column[-1:] for name, column in log.columns.items()})
+    assert isnan(tracking_metrics(first, LoopMetrics()).max_percent)
+    assert len(tracking_caveats(first)) == 1
+
+
 def test_error_is_unknown_when_nothing_was_measured():
     log = log_of(range(100))
     assert isnan(tracking_metrics(log, LoopMetrics()).rms_percent)
