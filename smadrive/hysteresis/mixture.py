@@ -75,7 +75,7 @@ class GaussianMixture:
             if not (isfinite(mean) and isfinite(sigma) and sigma > 0):
                 cure = "give a finite mu, and a finite and positive sigma"
                 raise ModelError("not a distribution", where="mixture (mu, sigma)", value=(mean, sigma), cure=cure)
-        if min(self.weights) <= 0 or abs(fsum(self.weights) - 1) > 1e-9:
+        if not (min(self.weights) > 0 and abs(fsum(self.weights) - 1) <= 1e-9):  # a NaN fails, too
             raise ModelError("must be positive and have the sum 1", where="mixture: weights", value=self.weights)
 
     def span(self, sigmas: float) -> tuple[float, float]:

@@ -1,5 +1,7 @@
 """Invalid parameters are rejected by name, value and cure; rules describe themselves."""
 
+from math import nan
+
 import numpy as np
 import pytest
 
@@ -51,10 +53,14 @@ def test_crossing_mixtures_are_rejected():
     assert error.value.where == "branches"
 
 
-def test_wrong_mixture_weights_are_rejected():
+@pytest.mark.parametrize("weights", [(0.9, 0.2), (1.0, 0.0), (nan, 0.5), (0.5, nan), (nan, nan)])
+def test_wrong_mixture_weights_are_rejected(weights):
     with pytest.raises(ModelError) as error:
-        GaussianMixture((0.9, 0.2), (90, 60), (3, 3))
+        GaussianMixture(weights, (90, 60), (3, 3))
     assert error.value.where == "mixture: weights"
+
+
+def test_mixture_needs_a_weight_for_each_component():
     with pytest.raises(ModelError) as error:
         GaussianMixture((1.0,), (90, 60), (3, 3))
     assert error.value.value == (1, 2, 2)
