@@ -49,7 +49,6 @@ class HeatedSamples(NamedTuple):
 
 def rest_resistance(wire: WireModel, samples: HeatedSamples) -> RestResistance:
     """Return the resistance at rest of `wire`; unknown if fewer than two blocks have `LEAST_SAMPLES` samples."""
-    cold_ohm = wire.balance.resistance_cold_ohm
     phase = np.clip(wire.phase_at(samples.displacement_mm), 0.0, 1.0)
     expected = 1.0 + wire.balance.resistance_change * phase
     starts = np.flatnonzero(np.diff(np.floor(samples.time_s / BLOCK_S), prepend=-1.0))
@@ -64,7 +63,7 @@ def rest_resistance(wire: WireModel, samples: HeatedSamples) -> RestResistance:
     deviation = blocks_ohm / rest_ohm - 1.0
     error = hypot(_relative_error(deviation), SYSTEMATIC)
     at_c = float(np.nanmean(samples.temperature_c)) if np.isfinite(samples.temperature_c).any() else nan
-    return RestResistance(Estimate(rest_ohm, error * cold_ohm), at_c, float(np.abs(deviation).max()))
+    return RestResistance(Estimate(rest_ohm, error * rest_ohm), at_c, float(np.abs(deviation).max()))
 
 
 def _relative_error(deviation: FloatArray) -> float:

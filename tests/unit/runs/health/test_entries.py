@@ -61,6 +61,13 @@ def test_resistance_at_rest_is_that_of_the_cold_wire():
     assert found.at_c == 80.0
 
 
+def test_standard_error_is_a_share_of_the_resistance_at_rest():
+    ohm = 17.0 * (1.0 - 0.12 * swing(2.0, 9.0, 3) / WIRE.travel_mm)
+    one, twice = (rest_resistance(WIRE, heated(factor * ohm)).ohm for factor in (1.0, 2.0))
+    assert twice.value == pytest.approx(2.0 * one.value)
+    assert twice.error == pytest.approx(2.0 * one.error)
+
+
 def test_wrong_model_of_the_resistance_shows_as_spread():
     ohm = 17.0 * (1.0 - 0.20 * swing(2.0, 9.0, 3) / WIRE.travel_mm)
     found = rest_resistance(WIRE, heated(ohm))
