@@ -43,15 +43,18 @@ no bound: without this limit the slightest movement of the setpoint would reques
 COLD_END = 0.003
 """Up to this fraction of the stroke a sensor cannot distinguish the wire from a cold wire.
 
-A setpoint in this range needs no heat. Otherwise the noise of the estimate would heat the wire again and again to the
-temperature at which its transformation begins, tens of kelvin above the cold wire.
+A setpoint in this range is that of a cold wire; see `COLDER_C`. Otherwise the noise of the estimate would heat the wire
+again and again to the temperature at which its transformation begins, tens of kelvin above the cold wire.
 """
 
 FOOT_S = 2.0
 """A cold wire is heated this long before it must move, s: about the time until its transformation begins."""
 
 COLDER_C = 5.0
-"""The target temperature of a cold wire is this far below the model's range, K: sensor noise then commands no heat."""
+"""The target temperature of a cold wire is this far below the model's range, K: sensor noise then commands no heat.
+
+If the range begins more than this above the ambient temperature, the wire is held at the target.
+"""
 
 BEYOND_C = 1.0
 """The target is at most this far above the heating branch at the setpoint, K.
