@@ -6,6 +6,8 @@ residual with the next one, and it decays geometrically, n residuals are worth n
 
 from __future__ import annotations
 
+from math import comb, sqrt
+
 import numpy as np
 
 from smadrive.numerics.arrays import FloatArray
@@ -15,6 +17,15 @@ MEDIAN_SHARE = 0.6745
 
 MOST_ALIKE = 0.99
 """A larger correlation of neighbours counts as this one."""
+
+REPEATED = 1.0 / 3.0
+"""If more than this share of the samples repeat the previous one, the sensor is slower than the record, or coarse."""
+
+WHOLE = 0.01
+"""A step is a multiple of the quantum if it differs from the multiple by less than this share of the quantum."""
+
+FINEST = 1e-6
+"""A quantum is at least this share of the largest step: a smaller one is that of the floating-point numbers."""
 
 
 def neighbour_correlation(residual: FloatArray) -> float:
@@ -29,8 +40,32 @@ def samples_per_independent(residual: FloatArray) -> float:
     return (1.0 + alike) / (1.0 - alike)
 
 
-def noise_deviation(samples: FloatArray) -> float:
-    """Return the standard deviation of white noise on a smooth record, from the median absolute second difference."""
+def noise_deviation(samples: FloatArray, order: int = 2) -> float:
+    """Return the standard deviation of white noise on a smooth record, from the median absolute difference of `order`.
+
+    A higher order removes more of the motion. If many samples repeat the previous one, because their sensor is slower
+    than the record or coarse, a repeated value counts once, and the result is at least the deviation of the rounding.
+    It is 0 for fewer than five samples.
+    """
     if len(samples) < 5:
         return 0.0
-    return float(np.median(np.abs(np.diff(samples, 2))) / MEDIAN_SHARE / np.sqrt(6.0))
+    moves = np.diff(samples) != 0.0
+    rounding = 0.0
+    if np.count_nonzero(~moves) > REPEATED * len(moves):
+        samples = samples[np.flatnonzero(np.append(True, moves))]
+        rounding = _quantum(samples) / sqrt(12.0)
+    if len(samples) < 5:
+        return rounding
+    differences = np.abs(np.diff(samples, order))
+    return max(float(np.median(differences)) / MEDIAN_SHARE / sqrt(comb(2 * order, order)), rounding)
+
+
+def _quantum(samples: FloatArray) -> float:
+    """Return the number of which every step between neighbouring samples is a multiple; 0 if there is none."""
+    steps = np.abs(np.diff(samples))
+    quantum = float(steps.min(initial=np.inf))
+    if not quantum > FINEST * float(steps.max(initial=0.0)):
+        return 0.0
+    multiples = steps / quantum
+    is_whole = np.abs(multiples - np.round(multiples)) < WHOLE
+    return quantum if steps.size and np.all(is_whole) else 0.0

@@ -1,17 +1,15 @@
 """The noise of a thermocouple in its readings, compared with the `noise_c` of the rig file.
 
-The third difference of the readings removes the motion of the wire. White noise of the standard deviation σ gives it
-the standard deviation sqrt(1 + 9 + 9 + 1) σ. The median of its absolute values is robust against spikes and reversals.
+The third difference of the readings removes the motion of the wire. The median of its absolute values is robust against
+spikes and reversals.
 """
 
 from __future__ import annotations
 
-from math import sqrt
-
 import numpy as np
 
 from smadrive.numerics.arrays import FloatArray
-from smadrive.numerics.residuals import MEDIAN_SHARE
+from smadrive.numerics.residuals import noise_deviation
 
 LEAST_SAMPLES = 100
 """The noise of fewer samples is unknown."""
@@ -30,12 +28,8 @@ def noise_caveats(reading_c: FloatArray, given_c: float) -> tuple[str, ...]:
 
 
 def measured_noise_c(reading_c: FloatArray) -> float:
-    """Return the standard deviation of the noise of a reading, K; NaN for too few samples.
-
-    A value that is repeated, because the thermometer is slower than the loop, counts once.
-    """
+    """Return the standard deviation of the noise of a reading, K; NaN for too few different samples."""
     finite_c = reading_c[np.isfinite(reading_c)]
-    new_c = finite_c[np.flatnonzero(np.diff(finite_c, prepend=np.nan) != 0.0)]
-    if new_c.size < LEAST_SAMPLES:
+    if np.count_nonzero(np.diff(finite_c)) < LEAST_SAMPLES - 1:
         return np.nan
-    return float(np.median(np.abs(np.diff(new_c, n=3)))) / MEDIAN_SHARE / sqrt(20.0)
+    return noise_deviation(finite_c, order=3)
