@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 from math import isfinite
 from pathlib import Path
@@ -12,7 +13,6 @@ import typer
 from smadrive.cli.parsing.options import RigFile, TraceFolder
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.health_view import show_health
-from smadrive.files.kinds import is_regular
 from smadrive.measurement import Measurement
 from smadrive.rig.calibration.description import descriptions, today
 from smadrive.rig.config import RigConfig, load_rig
@@ -76,7 +76,7 @@ def main(
 
 def _model_file(config: RigConfig) -> Path | None:
     """Return the model file that the rig file names; None if it names none, or if the model file does not exist."""
-    return Path(config.model) if config.model is not None and is_regular(Path(config.model)) else None
+    return Path(config.model) if config.model is not None and os.path.isfile(config.model) else None
 
 
 def _print_latched(output: Output, measurement: Measurement, tripped: str | None, rig: str) -> None:

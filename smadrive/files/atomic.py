@@ -22,7 +22,7 @@ from itertools import count
 from pathlib import Path
 
 from smadrive.errors import DataError
-from smadrive.files.kinds import FileKind, irregular_kind, is_reachable
+from smadrive.files.kinds import FileKind, irregular_kind
 
 ANOTHER_NAME = "choose another name"
 
@@ -37,7 +37,7 @@ def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
         endings = " or ".join(kind.endings)
         raise DataError(f"the name of {kind.what} ends in {endings}", where=path, cure=ANOTHER_NAME)
     for source in inputs:
-        if is_reachable(path) and is_reachable(source) and path.samefile(source):
+        if os.path.exists(path) and os.path.exists(source) and path.samefile(source):
             raise DataError("is an input of this command, which would overwrite it", where=path, cure=ANOTHER_NAME)
     if kind.is_record and os.path.lexists(path):
         raise _exists(path)

@@ -97,23 +97,6 @@ def irregular_kind(status: os.stat_result) -> str | None:
     return None if stat.S_ISREG(status.st_mode) else _IRREGULAR.get(stat.S_IFMT(status.st_mode), "something else")
 
 
-def is_reachable(path: Path) -> bool:
-    """Return True if a file or a folder is at `path`, and this user can reach it.
-
-    In Python 3.11 `Path.exists` raises an error if the name is too long, or if a folder on the way is closed.
-    """
-    try:
-        path.stat()
-    except (OSError, ValueError):
-        return False
-    return True
-
-
-def is_regular(path: Path) -> bool:
-    """Return True if a regular file is at `path`, and this user can reach it."""
-    return is_reachable(path) and path.is_file()
-
-
 def check_regular(path: Path, error: type[ConfigError | DataError | ModelError]) -> None:
     """Raise `error` when `path` is not a regular file. A missing file is no error here: opening it raises an error."""
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from itertools import takewhile
 from pathlib import Path
@@ -17,8 +18,6 @@ from smadrive.files.kinds import (
     WIRE,
     FileKind,
     check_kind,
-    is_reachable,
-    is_regular,
 )
 from smadrive.files.spelling import nearest_name, suggested_file, suggestion
 
@@ -88,7 +87,7 @@ def _check_not_a_shipped_name(path: Path, shipped: dict[str, Path]) -> None:
 
     Do nothing for a path with a folder, and if a file in the current folder has a similar name.
     """
-    if path.name != str(path) or is_reachable(path) or suggested_file(path):
+    if path.name != str(path) or os.path.exists(path) or suggested_file(path):
         return
     if (near := nearest_name(path.stem, shipped)) is not None:
         cure = f"did you mean the shipped '{near}', without .toml?"
@@ -104,7 +103,7 @@ def _hint(name: str, shipped: dict[str, Path]) -> str:
 def _near(name: str, shipped: dict[str, Path]) -> str:
     """Return a spelling suggestion: the file NAME.toml, the nearest shipped name, or the nearest .toml file."""
     path = Path(f"{name}.toml")
-    return (is_regular(path) and suggested_file(path)) or suggestion(name, shipped) or suggested_file(path)
+    return (os.path.isfile(path) and suggested_file(path)) or suggestion(name, shipped) or suggested_file(path)
 
 
 def _shipped(folder: str) -> dict[str, Path]:

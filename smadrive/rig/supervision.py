@@ -195,7 +195,7 @@ def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) 
 
 
 def _excess_k(config: RigConfig, balance: HeatBalance, for_s: float) -> float:
-    """Return how far the wire exceeds temperature_max_c when current_max_a flows `for_s` longer, K; 0 or less: never."""
+    """Return the excess over temperature_max_c, K, to which current_max_a heats a wire at this limit within `for_s`."""
     limits = config.limits
     power_w = limits.current_max_a**2 * max(balance.resistance_ohm(0.0), balance.resistance_ohm(1.0))
     return balance.step(limits.temperature_max_c, power_w, 0.0, for_s) - limits.temperature_max_c

@@ -6,6 +6,7 @@ Each experiment is checked before the wire is heated, and recorded in a log. `Wa
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -18,7 +19,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
 from smadrive.errors import ProtocolError, TransportError
 from smadrive.files.csv_table import read_table
-from smadrive.files.kinds import TABLE, is_regular
+from smadrive.files.kinds import TABLE
 from smadrive.identification.excitation import Excitation, check_may_excite
 from smadrive.rig.config_checks import check_step
 from smadrive.rig.controllers import step_controller
@@ -69,7 +70,7 @@ def plan_excitation(rig: Rig) -> Excitation:
 def excite(log_file: Path, rig: Rig, excitation: Excitation, watch: Watch, **notes: str) -> LoopMetrics:
     """Run an identification experiment and record it in `log_file`, with `notes`. TripError after a trip."""
     wire_file = Path(rig.config.model).absolute() if rig.config.model else None
-    notes |= {WIRE_FILE: str(wire_file)} if wire_file is not None and is_regular(wire_file) else {}
+    notes |= {WIRE_FILE: str(wire_file)} if wire_file is not None and os.path.isfile(wire_file) else {}
     notes |= {"caveats": json.dumps(rig.caveats)} if rig.caveats else {}
     with (
         record_excitation(log_file, rig, excitation, **notes) as recorder,
@@ -195,7 +196,7 @@ def read_reference(text: str) -> Reference:
     `sine:low_mm=2,high_mm=9,period_s=56`.
     """
     path = Path(text)
-    if TABLE.has_ending(path) or is_regular(path):
+    if TABLE.has_ending(path) or os.path.isfile(path):
         table = read_table(path)
         return Reference.from_samples(table.column("time_s"), table.column("displacement_mm"))
     return parse_reference(text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.csv_table import read_table
-from smadrive.files.kinds import LOG, TABLE, is_reachable
+from smadrive.files.kinds import LOG, TABLE
 from smadrive.files.spelling import suggestion
 from smadrive.identification.column_units import swap_caveats, time_caveats, unit_caveats
 from smadrive.identification.resistance_fit.fit import ResistanceFit
@@ -65,7 +66,7 @@ def fit_file(path: Path, columns: tuple[str, str], settings: FitSettings) -> Rec
     if LOG.has_ending(path):
         check_log_columns(path, columns)
         return fit_log(read_log(path), settings)
-    if not TABLE.has_ending(path) and is_reachable(path):  # read_table names a missing file
+    if not TABLE.has_ending(path) and os.path.exists(path):  # read_table names a missing file
         raise DataError(
             "neither a log nor a CSV", where=path, cure="give the log (.h5) of `smadrive excite`, or a .csv"
         )

@@ -17,7 +17,6 @@ from pathlib import Path
 from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
 
 from smadrive.errors import ConfigError
-from smadrive.files.kinds import is_regular
 from smadrive.files.spelling import suggestion_or_list
 
 WHERE = "--publish"
@@ -60,7 +59,7 @@ def parse_address(url: str, environment: Mapping[str, str] = os.environ) -> Brok
     parts = _split(url)
     keys = _keys(parts)
     for key, path in keys.items():
-        if not is_regular(Path(path)):
+        if not os.path.isfile(path):
             raise ConfigError("the file does not exist", where=f"{WHERE}: {key}", value=path, cure="correct the path")
     if parts.scheme == "mqtt" and (found := [key for key in TLS_FILES if key in keys]):
         raise ConfigError("needs TLS", where=f"{WHERE}: {found[0]}", cure="begin the address with mqtts://")

@@ -11,6 +11,7 @@ A run that cannot be driven is no error here. It becomes a failed row, which the
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from collections.abc import Callable, Sequence
@@ -26,7 +27,6 @@ from smadrive.campaigns.plan.plan import CampaignPlan, PlannedRun
 from smadrive.control.controllers.step import ConstantCurrentController
 from smadrive.control.references.holding import APPROACH_S
 from smadrive.errors import DataError, SmadriveError
-from smadrive.files.kinds import is_reachable
 from smadrive.rig.controllers import excitation_path
 
 PROBE_S = 5.0
@@ -106,7 +106,7 @@ def estimated(plan: CampaignPlan, groups: list[list[int]]) -> CampaignEstimate:
 
 def check_disk(folder: Path, estimate: CampaignEstimate) -> None:
     """Raise DataError if the disk of `folder` is too small for the campaign."""
-    place = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if is_reachable(parent))
+    place = next(parent for parent in (folder.absolute(), *folder.absolute().parents) if os.path.exists(parent))
     free = shutil.disk_usage(place).free
     if free < SPARE * estimate.disk_bytes:
         value, limit = f"{free / 1e6:.0f} MB free", f"{SPARE * estimate.disk_bytes / 1e6:.0f} MB"

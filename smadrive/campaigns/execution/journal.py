@@ -25,7 +25,6 @@ from smadrive.campaigns.versions import table_versions
 from smadrive.errors import DataError
 from smadrive.files.atomic import replacing
 from smadrive.files.checked_line import checked_line, fields_of_line
-from smadrive.files.kinds import is_reachable
 from smadrive.posix import fcntl
 
 JOURNAL, COPY = "journal.jsonl", "campaign.toml"
@@ -108,7 +107,7 @@ class Journal:
 
     def _open(self) -> FileIO:
         path = self.folder / JOURNAL
-        self._is_new_folder = not is_reachable(self.folder)
+        self._is_new_folder = not os.path.exists(self.folder)
         try:
             if self._resume:
                 return FileIO(path, "r+")

@@ -39,27 +39,31 @@ def stop_drivers(keys: Iterable[DeviceKey]) -> tuple[tuple[StoppedDriver, ...], 
 
 
 def stop_late_drivers(
-    keys: Sequence[DeviceKey], confirm_again: Callable[[], object]
-) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
+    keys: Sequence[DeviceKey], confirm_again: Callable[[], Exception | None]
+) -> tuple[tuple[StoppedDriver, ...], Exception | None, Exception | None]:
     """Stop the drivers that started after `stop_drivers` and before `off` locked the line, until no driver is left.
 
-    Call `confirm_again` after each round that stopped a driver. Return the stopped drivers, and the first error of the
-    last round, or None. A driver of another user can start at any time, because locks are per user. SafetyError when
-    each of `MOST_LATE` rounds has stopped a driver.
+    After each round that stopped a driver, `confirm_again` confirms the heat sources off, and returns its first error
+    or None. A driver of another user can start at any time, because locks are per user.
+
+    Return the stopped drivers, the first error in stopping drivers of the last round, and the last error of
+    `confirm_again`, or a SafetyError if each of `MOST_LATE` rounds has stopped a driver; None without error.
     """
     stopped: tuple[StoppedDriver, ...] = ()
+    unconfirmed: Exception | None = None
     for _ in range(MOST_LATE):
         late, refused = stop_drivers(keys)
         if not late:
-            return stopped, refused
+            return stopped, refused, unconfirmed
         stopped += late
-        confirm_again()
-    raise SafetyError(
+        unconfirmed = confirm_again()
+    endless = SafetyError(
         "each time a driver was stopped, a new driver started",
         value=f"process {stopped[-1].pid} was the last",
         limit=MOST_LATE,
         cure="end the program that starts the drivers, or cut the heater's supply",
     )
+    return stopped, refused, endless
 
 
 def _names_and_lines(key: DeviceKey) -> list[tuple[str, str]]:

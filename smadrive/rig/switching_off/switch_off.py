@@ -11,7 +11,7 @@ other device still enters its safe state.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -88,8 +88,8 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
 
     If a heat source cannot be confirmed off, the reason is raised after all other devices were tried. An error before
     all heat sources are confirmed off carries a ShutdownOutcome that is not confirmed. The first signals during this
-    time have no effect (see HeldSignals). The error of faults that
-    persist is not raised, but returned as `uncleared`: the heater is off all the same.
+    time have no effect (see HeldSignals). The error of faults that persist is not raised, but returned as `uncleared`:
+    the heater is off all the same.
     """
     with ExitStack() as stack:
         stopped: list[StoppedDriver] = []
@@ -106,7 +106,9 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
                 [device for device in devices if device.heats],
                 lambda device: _switch_source_off(device, connections, config.current_max_a, clear_faults=clear_faults),
             )
-            late, late_refused, late_failure = _stop_late(keys, off)
+            late, late_refused, late_failure = stop_late_drivers(
+                keys, lambda: each(off, lambda one: one.confirm_again())[1]
+            )
             stopped += late
             refused, failure = refused or late_refused, failure or late_failure
             others, other_failure = each(
@@ -151,27 +153,6 @@ def stopped_before(error: BaseException) -> tuple[StoppedDriver, ...]:
 def _planned(config: DeviceConfig) -> PlannedDevice:
     """Return the device with its profile. ConfigError if the profile is wrong, because switching off needs it."""
     return PlannedDevice(config, load_profile(config.profile))
-
-
-def _stop_late(
-    keys: Sequence[DeviceKey], off: Sequence[_SourceOff]
-) -> tuple[tuple[StoppedDriver, ...], Exception | None, Exception | None]:
-    """Stop the drivers that started meanwhile, and confirm every source off again after each round that stopped one.
-
-    Return the stopped drivers, the first error of a driver that could not be stopped, and the first error of a source
-    in its last confirmation, or the error that drivers start again and again. Each error is None if there is none. So
-    no error keeps the devices that follow in their present state.
-    """
-    unconfirmed: list[Exception | None] = [None]
-
-    def confirm_again() -> None:
-        unconfirmed.append(each(off, lambda one: one.confirm_again())[1])
-
-    try:
-        late, refused = stop_late_drivers(keys, confirm_again)
-    except Exception as error:  # noqa: BLE001  (whatever the error is, the other devices must be switched off)
-        return (), None, error
-    return late, refused, unconfirmed[-1]
 
 
 def _check_complete(config: OffConfig, off: Iterable[_SourceOff], failure: Exception | None) -> None:

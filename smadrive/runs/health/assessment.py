@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from smadrive.display.number_text import count_text, quantity
 from smadrive.errors import DataError, SmadriveError
-from smadrive.files.kinds import MODEL, is_regular
+from smadrive.files.kinds import MODEL
 from smadrive.rig.config import FeedbackConfig
 from smadrive.runs.health.entries import identification_entry, key_of, widths_of
 from smadrive.runs.log.reader import Log
@@ -75,7 +76,7 @@ def assessment_of(log: Log) -> Assessment | None:
     If the wire file cannot be used, `health` is None and the reason is a caveat.
     """
     wire_file = Path(log.metadata.get(WIRE_FILE, ""))
-    if not is_regular(wire_file):
+    if not os.path.isfile(wire_file):
         return None
     try:
         return assess(wire_file, rig_config_of(log).feedback)
@@ -107,7 +108,7 @@ def expected_of(identified: IdentifiedWire) -> ExpectedRest | None:
 def wire_file_of(identified: IdentifiedWire) -> Path | None:
     """Return the absolute path of the file from which the wire was loaded; None for a wire from elsewhere."""
     path = Path(identified.source).absolute()
-    return path if identified.source and MODEL.has_ending(path) and is_regular(path) else None
+    return path if identified.source and MODEL.has_ending(path) and os.path.isfile(path) else None
 
 
 def health_rows(health: WireHealth) -> Iterator[tuple[str, ...]]:

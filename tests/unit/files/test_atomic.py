@@ -10,7 +10,7 @@ import pytest
 
 from smadrive.errors import DataError
 from smadrive.files.atomic import check_output, creating, replacing
-from smadrive.files.kinds import LOG, MODEL, TABLE, is_reachable, is_regular
+from smadrive.files.kinds import LOG, MODEL, TABLE
 
 
 def write(path, text="new"):
@@ -230,10 +230,3 @@ def test_closed_folder_is_an_error_about_the_output(tmp_path, stranger, name):
         with pytest.raises(DataError) as refused:
             write_to(tmp_path / name)
         assert refused.value.where == str(tmp_path / name)
-
-
-def test_name_that_is_too_long_is_neither_reachable_nor_regular(tmp_path):
-    assert not is_reachable(tmp_path / LONG_NAME)
-    assert not is_regular(tmp_path / LONG_NAME)
-    assert is_reachable(tmp_path)
-    assert not is_regular(tmp_path)

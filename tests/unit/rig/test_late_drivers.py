@@ -9,13 +9,12 @@ import programs
 import pytest
 
 from smadrive.devices.profile.profile import load_profile
-from smadrive.devices.state.latch import TripLatch
 from smadrive.errors import DeadlineError, SafetyError
 from smadrive.rig.config import DeviceConfig
 from smadrive.rig.connections import key_of
 from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.switching_off.drivers import MOST_LATE, stop_drivers, stop_late_drivers
-from smadrive.rig.switching_off.switch_off import _SourceOff, _stop_late
+from smadrive.rig.switching_off.each import each
 
 DRIVER = """
 import sys, time
@@ -60,7 +59,7 @@ def keys(port):
 
 def test_no_driver_needs_no_second_confirmation(keys):
     confirmed = []
-    assert stop_late_drivers(keys, lambda: confirmed.append(1)) == ((), None)
+    assert stop_late_drivers(keys, lambda: confirmed.append(1)) == ((), None, None)
     assert not confirmed
 
 
@@ -72,34 +71,36 @@ def test_heater_is_confirmed_off_again_after_each_driver_that_came(keys, start):
         if len(confirmed) == 1:
             pids.append(start())
 
-    stopped, refused = stop_late_drivers(keys, confirm)
+    stopped, refused, failure = stop_late_drivers(keys, confirm)
     assert [driver.pid for driver in stopped] == pids
     assert len(confirmed) == 2
-    assert refused is None
+    assert (refused, failure) == (None, None)
 
 
-def source_off(name, confirm_again):
-    return _SourceOff(name, None, None, TripLatch(None), (), confirm_again)
-
-
-def test_failed_second_confirmation_does_not_leave_out_the_other_sources(keys, start):
+def test_failed_second_confirmation_is_returned_and_confirms_the_other_sources(keys, start):
     pid, confirmed = start(), []
 
     def fail():
         raise DeadlineError("no reply")
 
-    sources = [source_off("first", fail), source_off("second", lambda: confirmed.append("second"))]
-    stopped, refused, failure = _stop_late(keys, sources)
+    sources = [fail, lambda: confirmed.append("second")]
+    stopped, refused, failure = stop_late_drivers(keys, lambda: each(sources, lambda confirm: confirm())[1])
     assert [driver.pid for driver in stopped] == [pid]
     assert refused is None
     assert isinstance(failure, DeadlineError)
     assert confirmed == ["second"]
 
 
-def test_drivers_that_start_again_and_again_do_not_leave_out_the_other_devices(keys, start):
-    start()
-    stopped, refused, failure = _stop_late(keys, [source_off("first", start)])
-    assert (stopped, refused) == ((), None)
+def test_drivers_that_start_again_and_again_are_returned_with_an_error(keys, start):
+    pids = [start()]
+
+    def confirm():
+        pids.append(start())
+
+    stopped, refused, failure = stop_late_drivers(keys, confirm)
+    assert [driver.pid for driver in stopped] == pids[:MOST_LATE]
+    assert refused is None
+    assert isinstance(failure, SafetyError)
     assert failure.limit == MOST_LATE
 
 
@@ -119,10 +120,3 @@ def test_driver_with_several_names_is_killed_once(keys, start, port, tmp_path):
     stopped, failure = stop_drivers([*keys, key_of(PlannedDevice(by_link, load_profile("sma-reference")))])
     assert [(driver.pid, driver.killed) for driver in stopped] == [(pid, True)]
     assert failure is None
-
-
-def test_drivers_that_start_again_and_again_are_an_error(keys, start):
-    start()
-    with pytest.raises(SafetyError) as error:
-        stop_late_drivers(keys, start)
-    assert error.value.limit == MOST_LATE
