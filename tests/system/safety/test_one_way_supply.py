@@ -52,7 +52,7 @@ class OneWayLine:
             {"name": "reader", "profile": "autonics-tk", "url": url},
         ]
         document["rate_hz"] = 1.5
-        document["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 3.0}
+        document["limits"] |= {"current_max_a": 0.4, "voltage_max_v": 15.0, "watchdog_s": 3.0}
         baudrate = load_profile(profile).serial_settings().baudrate
         port = InProcessTransport(self, self.clock, baudrate, latency_s)
         transports = {"supply": port, "reader": reader.transport(self.clock)}
