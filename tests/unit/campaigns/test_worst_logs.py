@@ -29,6 +29,7 @@ def plan(short_campaign, tmp_path):
     return short_campaign(model="", vary=AXIS)
 
 
+@pytest.mark.exhaustive
 def test_log_that_fails_is_a_reason_and_the_report_is_written(client, plan, tmp_path):
     """A log of an earlier command is removed: a run that was repeated may have changed the order of the worst runs."""
     logs = tmp_path / "folder" / LOGS

@@ -127,6 +127,7 @@ def test_adapted_rules_are_built(builder):
     assert adapted.tuning.model.rules == adaptation.model.rules
 
 
+@pytest.mark.exhaustive
 def test_builder_that_hangs_is_replaced_and_its_change_fails(monkeypatch):
     monkeypatch.setattr(processes, "FROZEN_BUILD_LOOKS", 3)
     with BuilderProcess() as builder:
