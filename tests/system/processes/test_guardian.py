@@ -95,11 +95,12 @@ def driven(
     stderr=subprocess.PIPE,
     through=contextlib.nullcontext,
     watchdog_s=2.0,
+    stale_after_s=1.0,
 ):
     """Start a driver that heats through a simulated supply; yield the processes of driver and supply.
 
     `through` is a context manager that turns the supply's address into that of a gateway. The guardian takes over
-    after a silence of `watchdog_s`.
+    after a silence of `watchdog_s`. The driver repeats a request to a silent supply within `stale_after_s`.
     """
     with (
         served("riden-rd60xx", *options) as (supply, served_url),
@@ -108,7 +109,8 @@ def driven(
     ):
         rig = tmp_path / "rig.toml"
         text = RIG.format(supply=supply_url, reader=reader_url)
-        rig.write_text(text.replace("watchdog_s = 1.0", f"watchdog_s = {watchdog_s}"))
+        text = text.replace("watchdog_s = 1.0", f"watchdog_s = {watchdog_s}")
+        rig.write_text(text.replace("stale_after_s = 1.0", f"stale_after_s = {stale_after_s}"))
         with programs.Program(
             [sys.executable, "-c", script, str(rig), fate], stdout=subprocess.PIPE, stderr=stderr, text=True
         ) as driver:
@@ -280,7 +282,8 @@ def test_a_driver_whose_guardian_is_killed_switches_off_and_knows_that_it_is_off
 def test_a_driver_that_waits_for_lost_replies_is_not_taken_for_dead(tmp_path):
     script = tmp_path / "loses.toml"
     script.write_text(LOSES_REPLIES)
-    with driven(tmp_path, "", "--faults", str(script), script=ASKS_AGAIN, watchdog_s=1.0) as (driver, _):
+    waits = {"watchdog_s": 1.0, "stale_after_s": 10.0}
+    with driven(tmp_path, "", "--faults", str(script), script=ASKS_AGAIN, **waits) as (driver, _):
         told, said = driver.communicate(timeout=300)
         assert driver.returncode == 0, said
         assert told == "heats on\n"

@@ -65,7 +65,7 @@ def test_memory_that_is_not_there_is_not_claimed(rng):
 
 @pytest.mark.exhaustive
 def test_too_few_loops_are_told(rng):
-    wire, v = MixedWire(0.0, 0.0, rng), path([COLD, 110.0, 50.0, 90.0, 60.0, 80.0, 50.0], 900)
+    wire, v = MixedWire(0.0, 0.0, rng), path([COLD, 110.0, 50.0, 92.0, 68.0, 86.0, 50.0], 900)
     fit = identify_memory(v, wire.simulate(v))
     assert type(fit.model) is TSFuzzyDuhem
     assert len(fit.memory.caveats) == 1
