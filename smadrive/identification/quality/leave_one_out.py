@@ -8,10 +8,8 @@ the ties of the rules to the prior, and J_i is its row of sample i. Without samp
 (Allen's PRESS). A leverage near 1 means that a rule follows this sample alone. Then the residual of the sample has no
 meaning. This happens with free rules on steep, sparsely sampled parts of a loop.
 
-Noise and gaps both raise the error at a sample that the fit did not use. If a fit uses every other sample (hold-out),
-the usual bound of this error is 1.2 times the training error: the variance may be larger by the share 0.44. The bound
-here must also hold for such a fit. If it leaves out one of its own samples, the gap around this sample is twice as wide
-as between these samples, and the share at least doubles. So the bound here is (1 + 2 · 0.44)^½ = 1.37.
+Noise and gaps both raise the error at a sample that the fit did not use. If this error is twice the training error,
+three quarters of its square come from rules that followed the sample.
 """
 
 from __future__ import annotations
@@ -20,8 +18,8 @@ import numpy as np
 
 from smadrive.numerics.arrays import FloatArray
 
-CONFIRMED = 1.37
-"""A fit counts as confirmed up to this ratio of leave-one-out error to training error."""
+FOLLOWS_SAMPLES = 2.0
+"""Above this ratio of leave-one-out error to training error, rules of a fit follow single samples."""
 
 _LEAST_FREEDOM = 0.02  # smallest 1 - h that is used: h is near 1 for a sample that alone determines a rule
 _REGULAR = 1e-10  # relative to the diagonal of JᵀJ

@@ -7,9 +7,9 @@ construction. The slopes of the branches of the result have the right sign over 
 except where the wire itself reverses (see record_reversal.py).
 
 Where the record has no samples, the rules stay near the local laws of a Duhem fit. A tie pulls each rule towards the
-Duhem fit with the weight of about one measured sample. The tie becomes tighter if leave-one-out shows that the rules
-follow single samples (see quality/leave_one_out.py). The fit minimises the error of the simulated output with exact
-derivatives. It starts from several placements of the centres.
+Duhem fit with the weight of about one measured sample. The tie becomes tighter if that makes the leave-one-out error
+smaller, or if the rules follow single samples (see quality/leave_one_out.py). The fit minimises the error of the
+simulated output with exact derivatives. It starts from several placements of the centres.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import takewhile
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +24,7 @@ import numpy as np
 from smadrive.errors import IdentificationError
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 from smadrive.identification.duhem import fit_duhem
-from smadrive.identification.quality.leave_one_out import CONFIRMED
+from smadrive.identification.quality.leave_one_out import FOLLOWS_SAMPLES
 from smadrive.identification.quality.metrics import Fit, judge
 from smadrive.identification.record import Record, prepare
 from smadrive.identification.tsfuzzy.monotone import monotone
@@ -53,6 +52,7 @@ FUZZY_SETS = 11
 _MOST_COMPONENTS = 3  # Gaussians per branch of the Duhem fit
 _NOTHING_LEFT = 0.05  # RMS in % at which a Duhem fit leaves nothing to explain; or the noise, if it is larger
 _AS_GOOD = 1.25  # largest RMS after removing the last slopes of the wrong sign, over RMS before
+_UNCERTAIN = 2.0  # factor of the leave-one-out error of rules that follow single samples: it is uncertain
 _ACTIVITY_SHARES = (0.5, 0.8)  # share of the centres that start where the output changes; the others are evenly spaced
 
 
@@ -107,6 +107,15 @@ class _Solution:
         """The leave-one-out error divided by the training error."""
         return self.problem.leave_one_out_ratio(self.x)
 
+    @property
+    def leave_one_out_error(self) -> float:
+        """The leave-one-out error, RMS, as a share of the output span.
+
+        It counts `_UNCERTAIN` times if rules follow single samples.
+        """
+        uncertainty = _UNCERTAIN if self.leave_one_out_ratio > FOLLOWS_SAMPLES else 1.0
+        return uncertainty * self.leave_one_out_ratio * self.misfit
+
     @cached_property
     def _model(self) -> TSFuzzyDuhem:
         return self.problem.model(self.x)
@@ -140,17 +149,17 @@ def _polished(start: _Solution) -> _Solution:
 
 
 def _validated(solution: _Solution) -> _Solution:
-    """Return the solution with the loosest tie to the Duhem fit that passes leave-one-out and has a small misfit.
+    """Return the solution with the smallest leave-one-out error, of several ties to the Duhem fit.
 
-    If no solution with a small misfit passes, return the solution with the smallest ratio of leave-one-out error to
-    training error among those with a small misfit.
+    Only solutions with a small misfit count.
     """
     bearable, tried = float(np.hypot(solution.misfit, MATERIAL)), []
-    for tied in takewhile(lambda one: one.misfit <= bearable, _ever_tighter(solution)):
-        tried.append(tied)
-        if tied.leave_one_out_ratio <= CONFIRMED:
+    for tied in _ever_tighter(solution):
+        if tied.misfit > bearable:
             break
-    return min(tried, key=lambda one: one.leave_one_out_ratio)
+        tried.append(tied)
+        bearable = min(bearable, tied.leave_one_out_error)  # no solution with a larger misfit has a smaller error
+    return min(tried, key=lambda one: one.leave_one_out_error)
 
 
 def _ever_tighter(solution: _Solution) -> Iterator[_Solution]:
