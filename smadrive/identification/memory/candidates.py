@@ -49,7 +49,7 @@ def check_memory(memory: object, error: type[SmadriveError], where: str = "memor
 
 
 class _Plane:
-    """A plane for a record: its grid, the share of the relays that are on, and the fit of its masses.
+    """A plane for a record: its grid, and the fit of its masses.
 
     `sign` is -1 if the output falls when the input rises. Masses are never negative, so they are
     fitted to `sign` times the output.
@@ -60,8 +60,9 @@ class _Plane:
         lower, upper = record.input_range
         turns = (lower,) if record.v[0] < 0.5 * (lower + upper) else (lower, upper)
         self.sign = 1.0 if np.corrcoef(record.v, record.mean_y)[0, 1] > 0 else -1.0
-        self.shares_on = self.grid.shares_on(record.v, turns)
-        self.problem = PlaneProblem.of(self.shares_on, np.sqrt(record.count), self.grid, SMOOTHNESS)
+        self.problem = PlaneProblem.of(
+            self.grid.shares_on(record.v, turns), np.sqrt(record.count), self.grid, SMOOTHNESS
+        )
 
     def model(self, rules: TSFuzzyDuhem, output: tuple[float, float], masses: FloatArray) -> TSFuzzyPreisach:
         """Return the model of `rules` and this plane in parallel.

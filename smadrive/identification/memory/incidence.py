@@ -35,8 +35,8 @@ class PlaneGrid:
         `v` (samples,) is the path, and `turns` are the turning points before the path.
         """
         weights = self._state_weights(float(v[0]), turns)
-        rows = np.empty((len(v), weights.size))
-        rows[0] = weights
+        rows = np.empty((len(v), np.count_nonzero(self.cells)))
+        rows[0] = self._of_cells(weights)
         for sample, (start, end) in enumerate(pairwise(v.tolist()), start=1):
             if end != start:
                 upward = end > start
@@ -48,8 +48,8 @@ class PlaneGrid:
                     self._add(weights, turn, begin, -1.0, upward)
                     self._add(weights, turn, reached, 1.0, upward)
                     begin = reached
-            rows[sample] = weights
-        return self._of_cells(rows)
+            rows[sample] = self._of_cells(weights)
+        return rows
 
     def _state_weights(self, v: float, turns: Turns) -> FloatArray:
         """Return the weight of each node value of E in the state p at the input v, after the turning points `turns`."""
@@ -69,15 +69,15 @@ class PlaneGrid:
         weights[corner + self._nodes[1]] += sign * s * (1 - t)
         weights[corner + self._nodes[1] + 1] += sign * s * t
 
-    def _of_cells(self, rows: FloatArray) -> FloatArray:
-        """Return the weights of the cells, computed from the weights of the nodes: one row per sample in both.
+    def _of_cells(self, weights: FloatArray) -> FloatArray:
+        """Return the weights of the cells with a mass, computed from the weights of the nodes.
 
         The value of E at the node (i, j) is the sum of the masses of the cells (k, l) with k < i and l ≥ j.
         """
-        nodes = rows.reshape(len(rows), *self._nodes)
-        above = np.cumsum(nodes[:, ::-1, :], axis=1)[:, -2::-1, :]  # Σ over i > k
-        both = np.cumsum(above, axis=2)[:, :, :-1]  # Σ over j ≤ l
-        return np.asarray(both[:, self.cells])
+        nodes = weights.reshape(self._nodes)
+        above = np.cumsum(nodes[::-1], axis=0)[-2::-1]  # Σ over i > k
+        both = np.cumsum(above, axis=1)[:, :-1]  # Σ over j ≤ l
+        return np.asarray(both[self.cells])
 
 
 def _place(thresholds: FloatArray, v: float) -> tuple[int, float]:

@@ -76,10 +76,13 @@ class PlaneProblem:
         `weights` (samples,) are the square roots of the number of samples in each mean. `smoothness` is the weight of
         the prior, which compares neighbouring cells of `grid`.
         """
-        pairs = smoothness * np.sqrt(weights @ weights) * _neighbours(grid)
-        samples = np.column_stack([shares_on, np.ones(len(shares_on))]) * weights[:, None]
-        rows = np.vstack([samples, np.pad(pairs, ((0, 0), (0, 1)))])
-        return cls(rows, np.asarray(np.linalg.qr(rows, mode="r")), weights)
+        pairs = _neighbours(grid)
+        samples, cells = shares_on.shape
+        rows = np.zeros((samples + len(pairs), cells + 1))
+        np.multiply(shares_on, weights[:, None], out=rows[:samples, :cells])
+        rows[:samples, cells] = weights
+        np.multiply(pairs, smoothness * np.sqrt(weights @ weights), out=rows[samples:, :cells])
+        return cls(rows, _triangular(rows), weights)
 
     def masses(self, output: FloatArray) -> FloatArray:
         """Return the masses of the cells (cells,), none negative, that explain `output` (samples,) best.
@@ -111,7 +114,7 @@ class PlaneProblem:
         shape (samples + pairs, unknowns).
         """
         rows, padded = self.rows[:, :-1][:, active], self._padded(changes)
-        factor = np.asarray(np.linalg.qr(self.triangular[:-1, :-1][:, active], mode="r"))
+        factor = _triangular(self.triangular[:-1, :-1][:, active])
         half = scipy.linalg.solve_triangular(factor, rows.T @ padded, trans="T")
         return np.asarray(padded - rows @ scipy.linalg.solve_triangular(factor, half))
 
@@ -124,6 +127,12 @@ class PlaneProblem:
         padded = np.zeros((len(self.rows), *output.shape[1:]))
         padded[: len(output)] = (output.T * self.weights).T
         return padded
+
+
+def _triangular(rows: FloatArray) -> FloatArray:
+    """Return the factor R of the QR decomposition of `rows`. `rows` can be large, so only one copy is made."""
+    copy = np.array(rows, order="F")  # LAPACK works in columns, and would copy again
+    return np.asarray(scipy.linalg.qr(copy, overwrite_a=True, mode="raw", check_finite=False)[1])
 
 
 def _non_negative(columns: FloatArray, right: FloatArray) -> FloatArray:
