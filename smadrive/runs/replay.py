@@ -143,11 +143,18 @@ def prediction_percent(log: Log, wire: IdentifiedWire | None = None) -> float:
     sample that tripped does not count: it may be invalid. DataError when no displacement can be computed.
     """
     log = log.without_trips()
-    found_mm, stepped = measured_mm(log), (wire or wire_of(log)).wire_model()
+    found_mm, stepped = measured_mm(log), _wire_model(log, wire)
     if not (found_mm.size and np.isfinite(found_mm).all()):
         return nan
     residual = (_predicted_mm(log, stepped) - found_mm) / travel_mm(stepped.model).stroke_mm
     return float(100.0 * np.sqrt(np.mean(residual**2)))
+
+
+def _wire_model(log: Log, wire: IdentifiedWire | None) -> WireModel:
+    """Return the model of `wire`, or of the wire in the log. A wire without a heat balance has that of the data sheet,
+    as in a run.
+    """
+    return (wire or wire_of(log)).wire_model(nominal_balance(log))
 
 
 def _predicted_mm(log: Log, wire: WireModel) -> FloatArray:
@@ -186,7 +193,7 @@ def _tracking_controller(log: Log, wire: IdentifiedWire | None) -> Controller:
     if wire is None and log.metadata.get("inverse") != "hysteresis":
         what = "the run used a plain temperature map instead of a model, and a log does not hold this map"
         raise DataError(what, where=log.path, cure="replay it with a model: --model FILE")
-    stepped = (wire or wire_of(log)).wire_model()
+    stepped = _wire_model(log, wire)
     chosen = displacement_source_of(log) or DisplacementFrom.SENSOR
     return tracking_controller(rig_config_of(log), reference_of(log), stepped, HysteresisInverse(stepped.model), chosen)
 

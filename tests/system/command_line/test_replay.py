@@ -65,6 +65,12 @@ def test_replay_of_a_tracking_run_is_the_record(tracked):
         assert again.differences[name] == Difference(max=0.0, rms=0.0, first_s=inf)
 
 
+def test_wire_without_a_heat_balance_has_that_of_the_data_sheet_as_in_the_run(tracked):
+    hysteresis_alone = IdentifiedWire(wire())
+    assert replay(tracked, hysteresis_alone).exact
+    assert prediction_percent(tracked, hysteresis_alone) == prediction_percent(tracked)
+
+
 @pytest.mark.exhaustive
 def test_replay_of_an_excitation_is_the_record(tmp_path):
     path = tmp_path / "excitation.h5"
