@@ -71,10 +71,8 @@ ADAPTED = "adaptation"
 GATE = 5.0
 """A sample is rejected if its error exceeds this number of standard deviations of likely changes and noise together."""
 JUMP_PER_C, JUMP = 0.05, 0.15
-"""A sample is also rejected if its error has jumped since the last accepted sample.
-
-The error may change by `GATE` standard deviations of the noise, plus JUMP_PER_C strokes per K of travel (at most JUMP).
-"""
+"""A sample is also rejected if its error has jumped from the one that the last accepted sample and its correction left:
+by more than `GATE` standard deviations of the noise, plus JUMP_PER_C strokes per K of travel (at most JUMP)."""
 AT_REST = 3.0
 """Radius of the dead band of a wire at rest, in standard deviations of the noise of the temperature."""
 MOST_DISBELIEVED = 15
@@ -147,14 +145,16 @@ class Adaptation:
         if self._plane is not None:
             self._plane.move(v)
         self._v = v
+        self._since_believed_c += travel
         if self.sensor_fault is None and isfinite(displacement_mm) and travel and self._rest_c != before_c:
-            self._since_believed_c += travel
             measured = displacement_mm / abs(self._base.scale)
             predicted, _ = self._prediction()
             self._travel.add(measured, predicted - self._predicted)
             self._forget(travel)
-            self._learn(measured)
+            is_believed = self._learn(measured)
             self._predicted, _ = self._prediction()
+            if is_believed:
+                self._believed_error, self._since_believed_c = measured - self._predicted, 0.0
             self._watch(measured)
 
     def _start(self, v: float, displacement_mm: float, wire: HysteresisState | None) -> None:
@@ -189,25 +189,25 @@ class Adaptation:
         self._rules.change(theta[self._of_rules] - self._theta[self._of_rules])
         self._theta = theta
 
-    def _learn(self, measured: float) -> None:
-        """Make one step of the filter, unless the error is within the dead zone or the sample is rejected."""
+    def _learn(self, measured: float) -> bool:
+        """Step the filter, if the error is outside the dead zone. Return False if the sample is rejected."""
         settings = self._settings
         predicted, psi = self._prediction()
         error = measured - predicted
-        direction = self._covariance @ psi
-        variance = float(psi @ direction) + settings.noise**2
         jump = abs(error - self._believed_error) - min(JUMP_PER_C * self._since_believed_c, JUMP)
         believable = float(psi @ self._prior @ psi) + settings.noise**2
         if abs(error) > GATE * believable**0.5 or jump > GATE * settings.noise:
             self._disbelieved += 1
-            return
-        self._disbelieved, self._believed_error, self._since_believed_c = 0, error, 0.0
+            return False
+        self._disbelieved = 0
         if abs(error) < settings.dead_zone:
-            return
-        gain = direction / variance
+            return True
+        direction = self._covariance @ psi
+        gain = direction / (float(psi @ direction) + settings.noise**2)
         beyond = error - np.copysign(settings.dead_zone, error)
         self._set(np.clip(self._theta + gain * beyond, self._low, self._high))
         self._covariance -= np.outer(gain, direction)
+        return True
 
     def _prediction(self) -> tuple[float, FloatArray]:
         """Return the displacement that the present model predicts, in strokes, and ψ."""

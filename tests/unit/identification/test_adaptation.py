@@ -84,6 +84,21 @@ def test_error_of_a_wire_at_rest_is_corrected_once(rules):
     assert min(scales) == pytest.approx(scales[-1], abs=0.01)
 
 
+def test_displacement_that_comes_back_is_no_jump_and_neither_is_its_own_correction(rules):
+    """The stroke has grown by a quarter while the displacement was missing. Then the wire travels very slowly."""
+    adaptation = Adaptation(rules, 0.001)
+    adaptation.update(40.0, rules.initial_state(40.0).y)
+    path = np.linspace(40.0, 90.0, 200).tolist()
+    slow = np.arange(90.01, 91.0, 0.01).tolist()
+    shown = 1.25 * rules.simulate([*path, *slow])
+    for v in path:
+        adaptation.update(v, nan)
+    for v, shown_mm in zip(slow, shown[len(path) :].tolist(), strict=True):
+        adaptation.update(v, shown_mm)
+    assert adaptation.sensor_fault is None
+    assert adaptation.predicted_mm == pytest.approx(shown[-1], abs=0.01 * STROKE_MM)
+
+
 def test_noise_of_a_cold_wire_at_rest_teaches_nothing(rules):
     rng, adaptation = np.random.default_rng(1), Adaptation(rules, 0.1)
 
