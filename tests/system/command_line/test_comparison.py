@@ -6,7 +6,6 @@ import sys
 
 import programs
 import pytest
-from marks import exhaustive
 
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.step import ManualStep
@@ -99,7 +98,8 @@ def test_approach_does_not_count_as_a_difference_of_the_reference(folder):
     assert first["checksum of the reference"] != ramp["checksum of the reference"]
 
 
-@pytest.mark.parametrize(("other", "setpoints"), [exhaustive("slow", 1), ("ramp", 2)])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(("other", "setpoints"), [("slow", 1), ("ramp", 2)])
 def test_different_references_with_the_same_range_are_drawn_apart(folder, other, setpoints):
     """A sine and a triangle between the same displacements, and a sine with other gains."""
     comparison = RunComparison(tuple(read_log(folder / f"{name}.h5") for name in ("first", other)))

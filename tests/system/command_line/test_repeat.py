@@ -104,6 +104,7 @@ def test_log_has_an_event_for_each_cycle_and_the_report_a_table_and_a_plot(folde
     assert "2 of 4 cycles are complete" in (tmp_path / "page.html").read_text()
 
 
+@pytest.mark.exhaustive
 def test_resumed_run_does_the_rest_and_leaves_the_first_log(folder):
     before = (folder / "part.h5").read_bytes()
     done = smadrive(folder, "run", "in-process", "--resume", "part.h5", "-o", "rest.h5", "--smooth", "--json")

@@ -4,7 +4,6 @@ from math import isfinite, isnan
 
 import numpy as np
 import pytest
-from marks import exhaustive
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
@@ -150,7 +149,8 @@ def test_an_open_thermocouple_trips_and_ends_with_zero_current(bench):
     assert getattr(trip, "__notes__", []) == []
 
 
-@pytest.mark.parametrize("at_s", [0.0, exhaustive(30.0), exhaustive(45.0)])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("at_s", [0.0, 30.0, 45.0])
 def test_displacement_that_stands_still_while_the_wire_moves_trips(excited, bench, at_s):
     stick = bench.device.bench.known_faults()["stick_displacement"]
     with pytest.raises(TripError) as caught, bench.rig as rig:

@@ -12,6 +12,8 @@ from smadrive.errors import MotionError
 
 from .conftest import is_off
 
+pytestmark = pytest.mark.exhaustive
+
 ENDS_WITHIN_S = 30.0
 
 

@@ -9,6 +9,8 @@ from bluesky.utils import RunEngineInterrupted
 
 from .conftest import is_off
 
+pytestmark = pytest.mark.exhaustive
+
 
 def test_resume_returns_to_a_setpoint_from_before_the_checkpoint(engine, documents, rig, wire):
     @bpp.stage_decorator([wire])

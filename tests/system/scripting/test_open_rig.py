@@ -98,6 +98,7 @@ def test_wire_comes_from_every_form_of_its_record(wire, tmp_path):
     assert "units" in run.to_xarray()["displacement_mm"].attrs
 
 
+@pytest.mark.exhaustive
 def test_saved_wire_is_loaded_and_tracks(rig, wire):
     wire.save("wire.json")
     loaded = smadrive.load_wire("wire.json")

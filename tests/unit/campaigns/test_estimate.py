@@ -54,6 +54,7 @@ def test_second_fit_of_a_controller_counts(short_campaign):
     assert duhem.ticks - inverse.ticks == pytest.approx(runs_and_logs * DUHEM_TICKS)
 
 
+@pytest.mark.exhaustive
 def test_space_of_the_logs_is_that_of_their_ticks(short_campaign):
     """The smoothing takes time, but no space."""
     one_log, axis = "[report]\nworst_logs = 1\n", '[[vary]]\nreference = ["{}"]\n'

@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from marks import exhaustive
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
@@ -43,7 +42,8 @@ def test_duhem_model_moves_exactly(move):
     assert moved.simulate(PATH) == pytest.approx(duhem(SHAPE._replace(**move)).simulate(PATH), abs=0.02)
 
 
-@pytest.mark.parametrize("move", [MOVES[1], *map(exhaustive, (MOVES[0], *MOVES[2:]))])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("move", MOVES)
 def test_rules_move_closely_and_stay_certified(rules, move):
     shape = shape_of(rules)._replace(**move)
     moved = reshaped(rules, shape)

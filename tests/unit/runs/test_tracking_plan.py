@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+from marks import exhaustive
 
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.references.holding import APPROACH_S
@@ -51,7 +52,7 @@ def test_cycles_that_the_wire_cannot_follow_even_smoothed_are_refused():
     assert error.value.where == "reference"
 
 
-@pytest.mark.parametrize("smooth", [True, False])
+@pytest.mark.parametrize("smooth", [True, exhaustive(False)])
 def test_continuation_tracks_the_cycles_that_the_previous_part_has_smoothed(smooth):
     one = one_cycle(planned(TRIANGLE, 4).nearest)
     part = Cycling(4, (CycleMetrics(1, *6 * (1.0,)),), "part.h5")

@@ -2,7 +2,6 @@
 
 import pytest
 from benchmarks.fuzz import Fuzzer
-from marks import exhaustive
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.fault_script import FaultScript
@@ -28,8 +27,9 @@ def fuzzed(config, seed, numbered, exchanges, *, plain_is_sure=True, **beyond):
     return Fuzzer(client, seed, TIMING, plain_is_sure=plain_is_sure).run(exchanges), client.counters
 
 
-@pytest.mark.parametrize("numbered", [False, exhaustive(True)], ids=["rtu", "tcp"])
-@pytest.mark.parametrize("seed", [1, exhaustive(2)])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("numbered", [False, True], ids=["rtu", "tcp"])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_random_faults_cause_typed_errors_only_and_no_wrong_value(config, seed, numbered):
     figures, counters = fuzzed(config, seed, numbered, 5000, copies=numbered)
     assert figures.wrong == []

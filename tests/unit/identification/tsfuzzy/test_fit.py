@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from marks import exhaustive
 
 from smadrive.errors import DataError, IdentificationError
 from smadrive.hysteresis import DuhemModel, InverseFeedforward
@@ -28,7 +27,8 @@ def paper_record():
     return v, PAPER.simulate(v)
 
 
-@pytest.mark.parametrize(("fit_centres", "limit_percent"), [exhaustive(False, 0.5), (True, 0.15)])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(("fit_centres", "limit_percent"), [(False, 0.5), (True, 0.15)])
 def test_fit_of_the_papers_model_predicts_other_loops(paper_record, fit_centres, limit_percent):
     fit = identify_tsfuzzy(*paper_record, fit_centres=fit_centres)
     assert len(fit.model.rules) == 22

@@ -10,7 +10,6 @@ from bokeh.document import Document
 from bokeh.events import ButtonClick
 from bokeh.models import Button, ColumnDataSource, RadioButtonGroup, Slider, Spinner
 from bokeh.server.callbacks import NextTickCallback
-from marks import exhaustive
 
 from smadrive.rig.config import rig_file
 from smadrive.tuning.page.button_events import ButtonEvents
@@ -100,13 +99,14 @@ class OpenPage:
         return {model.name for model in self._doc.models if isinstance(model, Button)}
 
 
-@pytest.fixture(params=["wrong", exhaustive(TOKEN)], ids=["watches", "controls"])
+@pytest.fixture(params=["wrong", TOKEN], ids=["watches", "controls"])
 def opened(request, ruled_rig, tmp_path):
     page = OpenPage(ruled_rig, tmp_path, request.param)
     yield page, request.param == TOKEN
     page.fitter.close()
 
 
+@pytest.mark.exhaustive
 def test_every_action_of_a_page_is_refused_unless_it_controls(opened, tmp_path):
     page, controls = opened
     acts = {name: act for name, act in page.acts() if name[0] not in LOOKS}
