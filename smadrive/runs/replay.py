@@ -151,8 +151,9 @@ def prediction_percent(log: Log, wire: IdentifiedWire | None = None) -> float:
 
 
 def _wire_model(log: Log, wire: IdentifiedWire | None) -> WireModel:
-    """Return the model of `wire`, or of the wire in the log. A wire without a heat balance has that of the data sheet,
-    as in a run.
+    """Return the model of `wire`, or of the wire in the log.
+
+    A wire without a heat balance has that of the data sheet, as in a run.
     """
     return (wire or wire_of(log)).wire_model(nominal_balance(log))
 

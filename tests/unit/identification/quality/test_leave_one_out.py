@@ -39,7 +39,7 @@ def test_linear_fit_is_left_out_exactly():
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("samples", [150, 220])
-def test_steep_and_sparse_samples_are_neither_followed_nor_ignored(samples):
+def test_steep_and_sparse_samples_are_not_left_to_the_duhem_fit(samples):
     """The steep parts have only a few samples. A tight tie to the Duhem fit brings the error of training up to that of
     validation, but it makes both larger: 0.44 % with 150 samples and a bound of 1.4 on their ratio."""
     v = np.concatenate([np.linspace(25, 135, samples), np.linspace(135, 25, samples)])
