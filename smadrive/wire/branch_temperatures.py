@@ -3,9 +3,13 @@
 At the displacement y, the temperature T of a wire without a changed load lies between the branches:
 
     T₋(y) ≤ T ≤ T₊(y)        T₊ the heating branch, T₋ the cooling branch, as functions of y
+
+At the cold end of the travel the wire may have any lower temperature, and at the hot end any higher one.
 """
 
 from __future__ import annotations
+
+from math import inf
 
 import numpy as np
 
@@ -25,10 +29,12 @@ class BranchTemperatures:
     def __init__(self, model: HysteresisModel) -> None:
         warming_c = np.linspace(*model.input_range, POINTS)
         self._sense = 1.0 if model.scale > 0.0 else -1.0
-        self._heating, self._cooling = (
-            PiecewiseLinear(np.maximum.accumulate(self._sense * (model.offset + model.scale * branch)), warming_c)
-            for branch in (model.branch(warming_c, rising=True), model.branch(warming_c, rising=False))
+        heating, cooling = (
+            np.maximum.accumulate(self._sense * (model.offset + model.scale * model.branch(warming_c, rising=rising)))
+            for rising in (True, False)
         )
+        self._heating, self._cooling = PiecewiseLinear(heating, warming_c), PiecewiseLinear(cooling, warming_c)
+        self._cold, self._hot = float(cooling[0]), float(heating[-1])
 
     def heating_c(self, displacement_mm: float) -> float:
         """Return the temperature T₊ of the heating branch."""
@@ -39,10 +45,11 @@ class BranchTemperatures:
         return self._cooling.at(self._sense * displacement_mm)
 
     def nearest_c(self, temperature_c: float, displacement_mm: float, margin_mm: float) -> float:
-        """Return the temperature between the branches that is nearest to `temperature_c`.
+        """Return the temperature that is nearest to `temperature_c`, of those possible at the displacement.
 
-        The displacement may be wrong by ± `margin_mm`.
+        The displacement may be wrong by ± `margin_mm`. Beyond the travel, it counts as the end of the travel.
         """
-        toward_hot_mm = self._sense * margin_mm
-        warmest_c = self.heating_c(displacement_mm + toward_hot_mm)
-        return max(min(temperature_c, warmest_c), self.cooling_c(displacement_mm - toward_hot_mm))
+        place = min(max(self._sense * displacement_mm, self._cold), self._hot)
+        coldest_c = self._cooling.at(place - margin_mm) if place - margin_mm > self._cold else -inf
+        warmest_c = self._heating.at(place + margin_mm) if place + margin_mm < self._hot else inf
+        return max(min(temperature_c, warmest_c), coldest_c)

@@ -33,3 +33,16 @@ def test_nearest_temperature_lies_between_the_branches_of_the_displacement(model
     assert branches.nearest_c(20.0, y, 0.0) == cold_c
     assert branches.nearest_c(120.0, y, 0.1) > hot_c
     assert branches.nearest_c(20.0, y, 0.1) < cold_c
+
+
+@pytest.mark.parametrize("beyond_mm", [0.0, 0.2])
+@pytest.mark.parametrize("model", LOOPS, ids=["rising", "falling"])
+def test_ends_of_the_travel_bound_the_temperature_on_one_side_only(model, beyond_mm):
+    branches, sense, margin_mm = BranchTemperatures(model), np.sign(model.scale), 0.036
+    cold_mm, hot_mm = model.offset - sense * beyond_mm, model.offset + model.scale + sense * beyond_mm
+    assert branches.nearest_c(-20.0, cold_mm, margin_mm) == -20.0
+    foot_c = branches.nearest_c(200.0, cold_mm, margin_mm)
+    assert foot_c == pytest.approx(branches.heating_c(model.offset + sense * margin_mm), abs=0.1)
+    assert branches.nearest_c(200.0, hot_mm, margin_mm) == 200.0
+    knee_c = branches.nearest_c(-20.0, hot_mm, margin_mm)
+    assert knee_c == pytest.approx(branches.cooling_c(model.offset + model.scale - sense * margin_mm), abs=0.1)
