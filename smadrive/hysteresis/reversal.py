@@ -45,6 +45,10 @@ class Play(NamedTuple):
         """Return the state of the play operator after the input has moved to v. `radius` has the unit of v."""
         return Play(*_moved(self.position, self.direction, v, radius))
 
+    def resized(self, before: float, radius: float) -> Play:
+        """Return the state for `radius` with the same output. `before` is the present radius."""
+        return Play(self.position + self.direction * (before - radius), self.direction)
+
     def output(self, radius: float) -> float:
         """Return the filtered input: the position, plus `radius` in the direction of the last move."""
         return self.position + self.direction * radius

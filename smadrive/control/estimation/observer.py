@@ -189,7 +189,8 @@ class WireObserver:
 
     def _stepped(self, before: WireEstimate, wire_c: float, radius_c: float) -> tuple[Play, HysteresisState]:
         """Return the state of the dead band and of the hysteresis model after a step to `wire_c`."""
-        play = before.play.moved(wire_c, radius_c)
+        play = before.play if radius_c == before.radius_c else before.play.resized(before.radius_c, radius_c)
+        play = play.moved(wire_c, radius_c)
         return play, self._model.step(before.hysteresis, play.output(radius_c) - before.shift_c)
 
     def _corrected_by_both(
