@@ -41,7 +41,7 @@ class SwappableController:
     def memory(self) -> Memory | None:
         """The estimated memory of the wire; None before the first update, and for a model without memory."""
         state = self._controller.state
-        return None if state is None else state.estimate.hysteresis.memory
+        return None if state is None else state.prediction.before.hysteresis.memory
 
     @property
     def source(self) -> SourceState | None:

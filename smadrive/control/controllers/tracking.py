@@ -22,7 +22,7 @@ from smadrive.control.estimation.observer import WireObserver
 from smadrive.control.estimation.prediction import heating_w
 from smadrive.control.estimation.resistance_sensor import DisplacementReading, ResistanceSensor
 from smadrive.control.estimation.source_selection import SourceSelection, SourceState
-from smadrive.control.estimation.wire_estimate import WireEstimate
+from smadrive.control.estimation.wire_estimate import Prediction, WireEstimate
 from smadrive.control.feedforward.displacement import DisplacementFeedforward, DisplacementInverse, Feedforward
 from smadrive.control.feedforward.reversal_preview import Reversal, ReversalPreview
 from smadrive.control.references.reference import Reference
@@ -36,21 +36,19 @@ DISPLACEMENT_NOISE = 0.001
 class TrackingState(NamedTuple):
     """State of a TrackingController, without the state of its feedback.
 
-    estimate    estimated state of the wire at the last measurement
+    prediction  estimated state of the wire at the last measurement, and its prediction for the next one
     power_w     power of the last command, W
     trim_mm     displacement trim, mm
     direction   +1 while the phase rises, -1 while the phase falls
     reversal    reversal that the wire is making, or None while the wire follows the reference
-    ahead       estimate, advanced by one period
     source      state of the selection of the displacement's source
     """
 
-    estimate: WireEstimate
+    prediction: Prediction
     power_w: float
     trim_mm: float
     direction: int
     reversal: Reversal | None
-    ahead: WireEstimate
     source: SourceState
 
 
@@ -116,10 +114,11 @@ class TrackingController:
         """
         if before.state is not None:
             reversal = before.state.reversal if before._reference is self._reference else None
-            estimate = self._observer.adopt(before.state.estimate, before._observer)
-            ahead = self._observer.adopt(before.state.ahead, before._observer)
+            last, ahead, span_s = before.state.prediction
+            estimate = self._observer.adopt(last, before._observer)
+            prediction = Prediction(estimate, self._observer.adopt(ahead, before._observer), span_s)
             source = self._sources.adopt(before.state.source, before._sources)
-            self._state = before.state._replace(estimate=estimate, reversal=reversal, ahead=ahead, source=source)
+            self._state = before.state._replace(prediction=prediction, reversal=reversal, source=source)
             self._feedback.take_over(before._feedback, estimate.temperature_c)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
@@ -130,7 +129,7 @@ class TrackingController:
         if self._state is None and not isfinite(measurement.temperature_c):
             return Command(0.0, setpoint_mm=self._reference.value_mm(time_s))
         before = self._state or self._started(measurement)
-        source, selected = self._sources.update(before.source, measurement, before.estimate, before.ahead, dt_s)
+        source, selected = self._sources.update(before.source, measurement, before.prediction, dt_s)
         by_sensor = source.source is DisplacementFrom.SENSOR
         estimate = self._observed(measurement, selected.used, dt_s, by_sensor=by_sensor)
         coming_s = max(dt_s, self._period_s)  # on a slow bus, a short period is followed by a long one
@@ -150,7 +149,10 @@ class TrackingController:
             error_mm = period.setpoint_mm - period.ahead.hysteresis.y
             error_c = target.temperature_c - period.ahead.temperature_c
             trim_mm = self._trim.update(before.trim_mm, error_mm, error_c if is_free else inf, coming_s)
-        self._state = TrackingState(estimate, power_w, trim_mm, direction, reversal, period.ahead, source)
+        elif reversal is None:
+            trim_mm = self._trim.forgotten(before.trim_mm, coming_s)
+        prediction = Prediction(estimate, ahead, coming_s)
+        self._state = TrackingState(prediction, power_w, trim_mm, direction, reversal, source)
         return Command(
             sqrt(power_w / period.ohm),
             target.temperature_c,
@@ -168,7 +170,8 @@ class TrackingController:
     def _started(self, measurement: Measurement) -> TrackingState:
         """Return the state of a wire at rest."""
         estimate = self._observer.start(measurement.temperature_c, self._sources.start_mm(measurement))
-        return TrackingState(estimate, 0.0, 0.0, 1, None, estimate, self._sources.start())
+        prediction = Prediction(estimate, estimate, self._period_s)
+        return TrackingState(prediction, 0.0, 0.0, 1, None, self._sources.start())
 
     def _observed(
         self, measurement: Measurement, displacement: DisplacementReading, dt_s: float, *, by_sensor: bool
@@ -176,7 +179,7 @@ class TrackingController:
         """Return the estimate at `measurement`."""
         if self._state is None:
             return self._observer.start(measurement.temperature_c, self._sources.start_mm(measurement))
-        before = self._state.estimate
+        before = self._state.prediction.before
         return self._observer.update(
             before,
             measurement.temperature_c,

@@ -14,13 +14,16 @@ against the hysteresis, and must not grow where it has no effect. It stays const
     while a limit holds the power back
     while the wire cannot get nearer to the setpoint, as at an end of its travel
 
-If the wire is ahead of a setpoint that stands still, the trim lets it cross the loop once, after some seconds. With the
-hysteresis inverse it is at most `MOST` of the stroke: a larger error is no error of a model. A static map has no
-hysteresis, so its error can be as large as the loop is wide, and the trim as large as the stroke. A reversal sets the
-trim to zero, because the errors of the two branches are independent.
+Without a measured displacement the trim decays with the time constant Ti, because one missing reading says nothing
+about the model. If the wire is ahead of a setpoint that stands still, the trim lets it cross the loop once, after some
+seconds. With the hysteresis inverse it is at most `MOST` of the stroke: a larger error is no error of a model. A static
+map has no hysteresis, so its error can be as large as the loop is wide, and the trim as large as the stroke. With the
+hysteresis inverse, a reversal sets the trim to zero, because the errors of the two branches are independent.
 """
 
 from __future__ import annotations
+
+from math import exp
 
 SLOWER = 4.0
 """Integral time of the trim, as a multiple of the closed-loop time constant of the temperature."""
@@ -52,3 +55,7 @@ class DisplacementTrim:
         if abs(error_c) > FOLLOWS_C:
             return trim_mm
         return min(max(trim_mm + error_mm * dt_s / self._integral_s, -self._most_mm), self._most_mm)
+
+    def forgotten(self, trim_mm: float, dt_s: float) -> float:
+        """Return the trim, mm, `dt_s` seconds after the trim was `trim_mm`, without a measured displacement."""
+        return trim_mm * exp(-dt_s / self._integral_s)

@@ -21,7 +21,7 @@ from math import isfinite, nan, sqrt
 from typing import NamedTuple
 
 from smadrive.control.estimation.lead import TEMPERATURE_C, LeadChange
-from smadrive.control.estimation.wire_estimate import WireEstimate
+from smadrive.control.estimation.wire_estimate import Prediction, WireEstimate
 from smadrive.measurement import Measurement
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import COLD_PHASE, cold_c, sense_current
@@ -81,49 +81,46 @@ class ResistanceSensor:
         self,
         lead: LeadChange,
         measurement: Measurement,
-        before: WireEstimate,
-        ahead: WireEstimate,
+        prediction: Prediction,
         sensor: DisplacementReading,
         dt_s: float,
     ) -> LeadChange:
         """Return the state of the estimated leads after a measurement; `lead` is the state before it.
 
-        `before` is the last estimate of the wire, and `ahead` the prediction for the time of `measurement`. `sensor` is
+        `prediction` is the prediction for the time of `measurement`, from the last estimate of the wire. `sensor` is
         the displacement by a sensor. Without this displacement, the leads are measured only while the wire is cold.
         """
-        resistance = self._resistance
+        resistance, temperature_c = self._resistance, prediction.ahead.temperature_c
         later = lead.later(resistance.martensite_ohm, dt_s)
         if isfinite(sensor.mm):
             phase = self._wire.phase_at(sensor.mm)
             noise = sensor.noise_mm / self._wire.travel_mm
-        elif self.is_cold(before):
+        elif self.is_cold(prediction.before):
             phase, noise = 0.0, COLD_PHASE
         else:
             return later
-        slope = resistance.ohm_per_phase(ahead.temperature_c, phase)
-        ohm = self._ohm(measurement, before, ahead, slope, dt_s)
-        if not isfinite(ohm) or abs(ahead.temperature_c - before.temperature_c) > FAST_C_PER_S * dt_s:
+        slope = resistance.ohm_per_phase(temperature_c, phase)
+        ohm = self._ohm(measurement, prediction, slope)
+        if not isfinite(ohm) or abs(prediction.c_per_s) > FAST_C_PER_S:
             return later
-        lead_ohm = ohm - resistance.ohm(ahead.temperature_c, phase)
+        lead_ohm = ohm - resistance.ohm(temperature_c, phase)
         if abs(lead_ohm - lead.mean_ohm) > self._most_jump_ohm:
             return later
         variance = (resistance.noise_v / measurement.current_a) ** 2 + (slope * noise) ** 2
         return later.measured(lead_ohm, variance)
 
-    def displacement(
-        self, lead: LeadChange, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
-    ) -> DisplacementReading:
+    def displacement(self, lead: LeadChange, measurement: Measurement, prediction: Prediction) -> DisplacementReading:
         """Return the displacement by the resistance; the method `lead` explains the arguments.
 
         The result is `NO_READING` without current or voltage, if the standard deviation reaches `MOST_NOISE`, if the
         phase is far outside its range, if the resistance does not depend on the phase, and while the wire is cold,
         because its phase is then known to be 0.
         """
-        resistance, temperature_c, wire = self._resistance, ahead.temperature_c, self._wire
-        start = wire.phase(ahead.hysteresis)
+        resistance, temperature_c, wire = self._resistance, prediction.ahead.temperature_c, self._wire
+        start = wire.phase(prediction.ahead.hysteresis)
         slope = resistance.ohm_per_phase(temperature_c, start)
-        ohm = self._ohm(measurement, before, ahead, slope, dt_s)
-        if not isfinite(ohm) or slope == 0.0 or self.is_cold(before):
+        ohm = self._ohm(measurement, prediction, slope)
+        if not isfinite(ohm) or slope == 0.0 or self.is_cold(prediction.before):
             return NO_READING
         lead_ohm, lead_variance = lead.estimate(self._systematic)
         phase = resistance.phase(ohm - lead_ohm, temperature_c, start)
@@ -144,18 +141,15 @@ class ResistanceSensor:
         """Return True if the current is large enough to measure the leads of a cold wire."""
         return measurement.current_a > 0.5 * self.cold_a
 
-    def _ohm(
-        self, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, slope: float, dt_s: float
-    ) -> float:
+    def _ohm(self, measurement: Measurement, prediction: Prediction, slope: float) -> float:
         """Return the present resistance in Ω; NaN without current or voltage.
 
         It is voltage / current, plus the predicted change over the delay of the measurement. `slope` is dR/dξ.
         """
         if not measurement.current_a > 0.0 or not measurement.voltage_v > 0.0:
             return nan
-        moved = (ahead.hysteresis.y - before.hysteresis.y) / self._wire.travel_mm
-        change_ohm = slope * moved + self._ohm_per_k * (ahead.temperature_c - before.temperature_c)
-        return measurement.voltage_v / measurement.current_a + change_ohm * self._resistance.delay_s / dt_s
+        ohm_per_s = slope * prediction.mm_per_s / self._wire.travel_mm + self._ohm_per_k * prediction.c_per_s
+        return measurement.voltage_v / measurement.current_a + ohm_per_s * self._resistance.delay_s
 
 
 def _ohm_per_k(wire: WireModel, resistance: WireResistance) -> float:

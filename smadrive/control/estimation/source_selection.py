@@ -30,7 +30,7 @@ from typing import NamedTuple
 
 from smadrive.control.estimation.lead import LeadChange
 from smadrive.control.estimation.resistance_sensor import NO_READING, DisplacementReading, ResistanceSensor
-from smadrive.control.estimation.wire_estimate import WireEstimate
+from smadrive.control.estimation.wire_estimate import Prediction
 from smadrive.measurement import DisplacementFrom, Measurement
 
 FORGET_S = 3.0
@@ -157,26 +157,25 @@ class SourceSelection:
         return self._resistance.cold_a
 
     def update(
-        self, state: SourceState, measurement: Measurement, before: WireEstimate, ahead: WireEstimate, dt_s: float
+        self, state: SourceState, measurement: Measurement, prediction: Prediction, dt_s: float
     ) -> tuple[SourceState, Selected]:
-        """Return the next state and the displacement of this tick.
+        """Return the next state and the displacement of this tick, `dt_s` seconds after the last.
 
-        `before` is the last estimate of the wire, and `ahead` the prediction for the time of `measurement`.
+        `prediction` is the prediction for the time of `measurement`, from the last estimate of the wire.
         """
         sensor = self._sensor(measurement)
         if self._resistance is None:
             source = DisplacementFrom.SENSOR if isfinite(sensor.mm) else DisplacementFrom.NONE
             state = state if state.source is source else state._replace(source=source)
             return state, Selected(sensor, NO_READING)
-        by_resistance = self._resistance.displacement(state.lead, measurement, before, ahead, dt_s)
-        predicted_mm = ahead.hysteresis.y - before.hysteresis.y
-        state = self._compared(state, sensor, by_resistance, predicted_mm, dt_s)
+        by_resistance = self._resistance.displacement(state.lead, measurement, prediction)
+        state = self._compared(state, sensor, by_resistance, prediction.mm_per_s * dt_s, dt_s)
         source = self._source(state, sensor, by_resistance)
         is_trusted = source is DisplacementFrom.SENSOR and state.valid_ticks > RETURNS_TICKS
         trusted = sensor if is_trusted else NO_READING
-        lead = self._resistance.lead(state.lead, measurement, before, ahead, trusted, dt_s)
+        lead = self._resistance.lead(state.lead, measurement, prediction, trusted, dt_s)
         used = {DisplacementFrom.SENSOR: sensor, DisplacementFrom.RESISTANCE: by_resistance}.get(source, NO_READING)
-        is_cold = self._resistance.is_cold(before)
+        is_cold = self._resistance.is_cold(prediction.before)
         is_replaced = state.has_sensor and source is not DisplacementFrom.SENSOR
         cold_s = state.cold_s + dt_s * self._resistance.measures_leads(measurement) if is_cold else inf
         state = state._replace(lead=lead, source=source, is_replaced=is_replaced, cold_s=cold_s)

@@ -30,3 +30,24 @@ class WireEstimate(NamedTuple):
     radius_c: float = 0.0
     evidence: DisturbanceEvidence = DisturbanceEvidence()
     shift_c: float = 0.0
+
+
+class Prediction(NamedTuple):
+    """The estimate `before` and the estimate `ahead` that the model predicts for a time `span_s` later, in s.
+
+    The next measurement may come sooner or later than this.
+    """
+
+    before: WireEstimate
+    ahead: WireEstimate
+    span_s: float
+
+    @property
+    def mm_per_s(self) -> float:
+        """The predicted rate of the displacement, mm/s."""
+        return (self.ahead.hysteresis.y - self.before.hysteresis.y) / self.span_s
+
+    @property
+    def c_per_s(self) -> float:
+        """The predicted rate of the temperature, K/s."""
+        return (self.ahead.temperature_c - self.before.temperature_c) / self.span_s

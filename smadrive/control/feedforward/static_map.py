@@ -50,12 +50,13 @@ class StaticMap:
     ) -> TemperatureTarget:
         """Return the temperature of the map at `setpoint_mm`; the history of the wire has no effect.
 
-        Outside the displacements of the map, the result is the temperature at the end of the map, with the derivative
-        0.
+        Outside the displacements of the map, the result is the temperature at the end of the map, with the derivative 0
+        and with `reachable` False.
         """
         at = int(np.searchsorted(self._displacement_mm, setpoint_mm))
         if not 0 < at < MAP_LEVELS:
-            return TemperatureTarget(float(self._temperature_c[min(at, MAP_LEVELS - 1)]), 0.0, state.y)
+            end_c = float(self._temperature_c[min(at, MAP_LEVELS - 1)])
+            return TemperatureTarget(end_c, 0.0, state.y, reachable=False)
         (y0, y1), (t0, t1) = self._displacement_mm[at - 1 : at + 1], self._temperature_c[at - 1 : at + 1]
         k_per_mm = float((t1 - t0) / (y1 - y0))
         return TemperatureTarget(float(t0) + k_per_mm * (setpoint_mm - float(y0)), k_per_mm, state.y)

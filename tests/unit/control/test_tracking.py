@@ -146,7 +146,7 @@ def test_new_reference_is_approached_from_the_present_displacement():
     bench = Bench(WireModel(loop(), BALANCE), sensor=True)
     first = controller(REFERENCE, loop())
     bench.run(first, 30.0)
-    here_mm = first.state.estimate.hysteresis.y
+    here_mm = first.state.prediction.before.hysteresis.y
     there = Reference.from_samples([0.0, 30.0, 34.0, 50.0], [here_mm, here_mm, 5.0, 5.0])
     rows = bench.run(controller(there, loop(), before=first), 50.0)
     assert np.abs(rows[-100:, 2] - 5.0).max() < 0.01 * 12
