@@ -3,10 +3,11 @@
 The displacement y of a run depends on four parameters x = (d₊, d₋, s, z): the shifts of the heating and of the cooling
 branch in K, the relative change of the stroke, and the shift of the zero as a share of the stroke:
 
-    y(x) = y_model(v; branches at μ₊ + d₊ and μ₋ + d₋) · (1 + s) + z        e = y - y(0) ≈ J x        J = ∂y/∂x
+    y(x) = y₀ + (y_model(v; branches at μ₊ + d₊ and μ₋ + d₋) - y₀) (1 + s) + z |S|     e = y - y(0) ≈ J x      J = ∂y/∂x
 
-A run visits only a part of the loop, and does not determine every direction of x. So the least-squares estimate of x
-uses a prior: the covariance P of the likely changes of a wire. C is the covariance of the estimate:
+y₀ and S are the offset and the scale of the model. A run visits only a part of the loop, and does not determine every
+direction of x. So the least-squares estimate of x uses a prior: the covariance P of the likely changes of a wire. C is
+the covariance of the estimate:
 
     C = (JᵀJ / r + P⁻¹)⁻¹        x = C Jᵀe / r        r = variance of the residual · (1 + ρ)/(1 - ρ)
 

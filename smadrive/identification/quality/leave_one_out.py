@@ -21,6 +21,7 @@ from smadrive.numerics.arrays import FloatArray
 FOLLOWS_SAMPLES = 2.0
 """Above this ratio of leave-one-out error to training error, rules of a fit follow single samples."""
 
+_UNCERTAIN = 2.0  # factor of the leave-one-out error of rules that follow single samples: it is uncertain
 _LEAST_FREEDOM = 0.02  # smallest 1 - h that is used: h is near 1 for a sample that alone determines a rule
 _REGULAR = 1e-10  # relative to the diagonal of JᵀJ
 
@@ -36,6 +37,14 @@ def leave_one_out_ratio(residuals: FloatArray, jacobian: FloatArray, samples: in
     left_out = error / np.maximum(1 - leverages(jacobian, samples), _LEAST_FREEDOM)
     training = float(error @ error) + scatter
     return float(np.sqrt((left_out @ left_out + scatter) / training)) if training > 0 else 1.0
+
+
+def cautious_error(training_error: float, ratio: float) -> float:
+    """Return the leave-one-out error by which fits are compared, in the unit of `training_error`.
+
+    `ratio` is that of `leave_one_out_ratio`. The error counts `_UNCERTAIN` times if rules follow single samples.
+    """
+    return training_error * ratio * (_UNCERTAIN if ratio > FOLLOWS_SAMPLES else 1.0)
 
 
 def leverages(jacobian: FloatArray, samples: int) -> FloatArray:

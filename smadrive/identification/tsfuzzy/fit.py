@@ -24,7 +24,7 @@ import numpy as np
 from smadrive.errors import IdentificationError
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 from smadrive.identification.duhem import fit_duhem
-from smadrive.identification.quality.leave_one_out import FOLLOWS_SAMPLES
+from smadrive.identification.quality.leave_one_out import cautious_error
 from smadrive.identification.quality.metrics import Fit, judge
 from smadrive.identification.record import Record, prepare
 from smadrive.identification.tsfuzzy.monotone import monotone
@@ -52,7 +52,6 @@ FUZZY_SETS = 11
 _MOST_COMPONENTS = 3  # Gaussians per branch of the Duhem fit
 _NOTHING_LEFT = 0.05  # RMS in % at which a Duhem fit leaves nothing to explain; or the noise, if it is larger
 _AS_GOOD = 1.25  # largest RMS after removing the last slopes of the wrong sign, over RMS before
-_UNCERTAIN = 2.0  # factor of the leave-one-out error of rules that follow single samples: it is uncertain
 _ACTIVITY_SHARES = (0.5, 0.8)  # share of the centres that start where the output changes; the others are evenly spaced
 
 
@@ -103,18 +102,9 @@ class _Solution:
         return _Solution(problem, problem.solve(self.x, *_POLISH).x)
 
     @cached_property
-    def leave_one_out_ratio(self) -> float:
-        """The leave-one-out error divided by the training error."""
-        return self.problem.leave_one_out_ratio(self.x)
-
-    @property
-    def leave_one_out_error(self) -> float:
-        """The leave-one-out error, RMS, as a share of the output span.
-
-        It counts `_UNCERTAIN` times if rules follow single samples.
-        """
-        uncertainty = _UNCERTAIN if self.leave_one_out_ratio > FOLLOWS_SAMPLES else 1.0
-        return uncertainty * self.leave_one_out_ratio * self.misfit
+    def cautious_error(self) -> float:
+        """The leave-one-out error by which solutions are compared, RMS, as a share of the output span."""
+        return cautious_error(self.misfit, self.problem.leave_one_out_ratio(self.x))
 
     @cached_property
     def _model(self) -> TSFuzzyDuhem:
@@ -158,8 +148,8 @@ def _validated(solution: _Solution) -> _Solution:
         if tied.misfit > bearable:
             break
         tried.append(tied)
-        bearable = min(bearable, tied.leave_one_out_error)  # no solution with a larger misfit has a smaller error
-    return min(tried, key=lambda one: one.leave_one_out_error)
+        bearable = min(bearable, tied.cautious_error)  # no solution with a larger misfit has a smaller error
+    return min(tried, key=lambda one: one.cautious_error)
 
 
 def _ever_tighter(solution: _Solution) -> Iterator[_Solution]:
