@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 from typing import Annotated
@@ -41,6 +42,7 @@ def main(
         measurement = open_rig.measure()
         identities = {name: str(identity) for name, identity in open_rig.identify().items()}
         tripped = open_rig.latch.read()
+        bus = open_rig.bus_counters
         wire_file = model or _model_file(config)
         found = None if wire_file is None else assess(wire_file, config.feedback)
     waiting = waiting_guardians()
@@ -56,6 +58,9 @@ def main(
         output.say(f"{config.name}: {description}")
     if found is not None:
         show_health(output, found)
+    for name, counters in bus.items():
+        if counters.failures:
+            output.say(f"{config.name}: bus of {name}: {counters}")
     output.warn(caveats)
     _print_latched(output, measurement, tripped, rig)
     for guardian in waiting:
@@ -66,6 +71,7 @@ def main(
             "devices": identities,
             **measurement._asdict(),
             "calibration": config.calibration.model_dump(mode="json"),
+            "bus": {name: asdict(counters) for name, counters in bus.items()},
             "caveats": caveats,
             "tripped": tripped,
             "waiting_guardians": waiting,

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, ExitStack
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -68,33 +69,42 @@ def main(
     length_s = _checked_length(duration_s)
     if log_file is not None:
         check_output(log_file, LOG)
-    config, extremes = load_rig(rig), Extremes()
+    config = load_rig(rig)
+    with (
+        notes_waiting_guardians(),
+        run_publication(publish, config, "watch", output) as publication,
+        ExitStack() as rig_use,
+    ):
+        open_rig = rig_use.enter_context(Rig(config, trace_folder=trace))
+        publication.begin(open_rig)
+        _check_end(open_rig, length_s)
+        _print_latched(open_rig, output)
+        with ExitStack() as stack:
+            takers: list[TickHandler] = [stack.enter_context(_summary(open_rig, log_file, output)), *publication.takers]
+            if log_file is not None:
+                takers.append(stack.enter_context(record_observation(log_file, open_rig, length_s)).tick)
+                announce(output, log_file, "the observation", length_s, open_rig.clock)
+            ends = [stack.enter_context(end_key()), stack.enter_context(end_interrupt()), is_unread]
+            if options is not None:
+                feed = stack.enter_context(_page(open_rig, options, output))
+                takers.append(feed.tick)
+                ends.append(feed.off_requested)
+            takers.append(stack.enter_context(watched_values(config, output)))
+            with rig_use:  # frees the ports first: `smadrive off` waits for them
+                observe(open_rig, length_s, each(takers), lambda: any(is_ended() for is_ended in ends))
+
+
+@contextmanager
+def _summary(rig: Rig, log_file: Path | None, output: Output) -> Iterator[TickHandler]:
+    """Yield the function that takes each measurement. At the end print the extremes, and the counters of each bus."""
+    extremes = Extremes()
     try:
-        with (
-            notes_waiting_guardians(),
-            run_publication(publish, config, "watch", output) as publication,
-            ExitStack() as rig_use,
-        ):
-            open_rig = rig_use.enter_context(Rig(config, trace_folder=trace))
-            publication.begin(open_rig)
-            _check_end(open_rig, length_s)
-            _print_latched(open_rig, output)
-            with ExitStack() as stack:
-                takers: list[TickHandler] = [extremes.add, *publication.takers]
-                if log_file is not None:
-                    takers.append(stack.enter_context(record_observation(log_file, open_rig, length_s)).tick)
-                    announce(output, log_file, "the observation", length_s, open_rig.clock)
-                ends = [stack.enter_context(end_key()), stack.enter_context(end_interrupt()), is_unread]
-                if options is not None:
-                    feed = stack.enter_context(_page(open_rig, options, output))
-                    takers.append(feed.tick)
-                    ends.append(feed.off_requested)
-                takers.append(stack.enter_context(watched_values(config, output)))
-                with rig_use:  # frees the ports first: `smadrive off` waits for them
-                    observe(open_rig, length_s, each(takers), lambda: any(is_ended() for is_ended in ends))
+        yield extremes.add
     finally:
         if extremes.count:
             output.table(("quantity", "last", "lowest", "highest"), extremes.rows())
+            for name, counters in rig.bus_counters.items():
+                output.say(f"bus of {name}: {counters}")
             output.say(count_text(extremes.count, "measurement") + ("" if log_file is None else f"   log: {log_file}"))
 
 

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from smadrive.display.number_text import count_text
+
 Direction = Literal["sent", "received", "discarded"]
 Trace = Callable[[float, Direction, bytes], None]
 """Called as `trace(time_s, direction, bytes)` for each frame, each line of text, and each piece of discarded bytes."""
@@ -73,6 +75,28 @@ class BusCounters:
     probes: int = 0
     discarded_bytes: int = 0
     reopenings: int = 0
+
+    @property
+    def failures(self) -> dict[str, int]:
+        """The number of requests that failed on the bus, by the reason; without reasons that did not occur.
+
+        An exception is a right answer, so it is no failure of the bus.
+        """
+        counts = {
+            "timeout": self.timeouts,
+            "CRC error": self.crc_errors,
+            "wrong frame": self.wrong_replies,
+            "late frame": self.stale_replies,
+        }
+        return {reason: count for reason, count in counts.items() if count}
+
+    def __str__(self) -> str:
+        """Return the counts as text, such as `1204 requests, 3 failed: 2 timeouts, 1 CRC error`."""
+        requests, failures = count_text(self.requests, "request"), self.failures
+        if not failures:
+            return f"{requests}, none failed"
+        reasons = ", ".join(count_text(count, reason) for reason, count in failures.items())
+        return f"{requests}, {sum(failures.values())} failed: {reasons}"
 
 
 def silence_s(baudrate: int) -> float:

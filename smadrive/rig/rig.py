@@ -17,6 +17,7 @@ from smadrive.control.controllers.interface import Controller
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.loop import ControlLoop, LoopMetrics, StopRequested, TickHandler, never
 from smadrive.control.references.reference import Reference
+from smadrive.devices.device import Device
 from smadrive.devices.identity import DeviceType, TypeCheck
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.latch import TripLatch
@@ -24,6 +25,7 @@ from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import SafetyError
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import DisplacementFrom, Measurement
+from smadrive.modbus.bus import BusCounters
 from smadrive.modbus.transports.transport import Transport
 from smadrive.posix import check_posix
 from smadrive.real_time import real_time_scheduling
@@ -123,6 +125,13 @@ class Rig:
             if device.type_check is TypeCheck.NOT_ASKED:
                 device.check_identity()
         return self.identities
+
+    @property
+    def bus_counters(self) -> dict[str, BusCounters]:
+        """The counters of each Modbus connection, by the name of its first device."""
+        devices = [(name, device) for name, device in self.devices.items() if isinstance(device, Device)]
+        names = {device.client: name for name, device in reversed(devices)}
+        return {name: client.counters for client, name in names.items()}
 
     @property
     def period_s(self) -> float:

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import tomllib
+from dataclasses import asdict
 from http.client import HTTPConnection
 from math import nan
 from urllib.parse import urlsplit
@@ -166,6 +167,18 @@ def test_lost_exchanges_are_left_out(opened):
     assert len(seen) == 10
     assert seen == sorted(seen)
     assert seen[3] - seen[2] > 0.1
+
+
+def test_bus_counters_tell_how_many_requests_failed_and_why(opened):
+    device, rig = opened
+    before = asdict(rig.bus_counters["board"])
+    device.faults.drop(3)
+    observe(rig, 2.0, lambda _tick: None, lambda: False)
+    (name, counters), *others = rig.bus_counters.items()
+    assert (name, others) == ("board", [])
+    assert counters.timeouts - before["timeouts"] == 3
+    assert counters.requests == counters.replies + 3
+    assert str(counters) == f"{counters.requests} requests, 3 failed: 3 timeouts"
 
 
 def test_silent_device_ends_the_observation(opened):
