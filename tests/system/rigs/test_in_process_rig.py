@@ -4,6 +4,8 @@ from math import isfinite, isnan
 
 import numpy as np
 import pytest
+from exact_wire import exact_wire
+from marks import exhaustive
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
@@ -149,30 +151,28 @@ def test_an_open_thermocouple_trips_and_ends_with_zero_current(bench):
     assert getattr(trip, "__notes__", []) == []
 
 
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("at_s", [0.0, 30.0, 45.0])
-def test_displacement_that_stands_still_while_the_wire_moves_trips(excited, bench, at_s):
+@pytest.mark.parametrize("at_s", [0.0, exhaustive(30.0), exhaustive(45.0)])
+def test_displacement_that_stands_still_while_the_wire_moves_trips(bench, at_s):
     stick = bench.device.bench.known_faults()["stick_displacement"]
     with pytest.raises(TripError) as caught, bench.rig as rig:
-        track(rig, excited, lambda tick: stick() if at_s <= tick.time_s < at_s + 0.05 else None)
+        track(rig, lambda tick: stick() if at_s <= tick.time_s < at_s + 0.05 else None)
     assert caught.value.number == Fault.DISPLACEMENT_IMPLAUSIBLE.number
     assert bench.device.bench.plant.current_a == 0.0
     assert bench.device.bench.plant.temperature_c < 110.0
 
 
 @pytest.mark.exhaustive
-def test_a_displacement_that_spikes_now_and_then_does_not_trip(excited, bench):
+def test_a_displacement_that_spikes_now_and_then_does_not_trip(bench):
     bench.device.bench.known_faults()["spike_displacement"](height_mm=50.0)
     with bench.rig as rig:
-        assert track(rig, excited, lambda _: None).trips == 0
+        assert track(rig, lambda _: None).trips == 0
 
 
-def track(rig, excited, record):
-    """Track a sine with the identified wire."""
-    wire = excited[1]
-    model = wire.hysteresis.model
-    reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1).with_approach(travel_mm(model)[0], 10.0)
-    return rig.track(reference, WireModel(model, wire.thermal.balance), HysteresisInverse(model), record)
+def track(rig, record):
+    """Track a sine with the exact wire."""
+    wire = exact_wire().wire_model(rig.nominal_balance)
+    reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1).with_approach(travel_mm(wire.model)[0], 10.0)
+    return rig.track(reference, wire, HysteresisInverse(wire.model), record)
 
 
 def test_dead_bus_trips_unconfirmed_and_the_watchdog_switches_off(bench):
