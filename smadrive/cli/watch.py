@@ -85,12 +85,14 @@ def main(
                 takers.append(stack.enter_context(record_observation(log_file, open_rig, length_s)).tick)
                 announce(output, log_file, "the observation", length_s, open_rig.clock)
             ends = [stack.enter_context(end_key()), stack.enter_context(end_interrupt()), is_unread]
+            before_end = ExitStack()
             if options is not None:
                 feed = stack.enter_context(_page(open_rig, options, output))
                 takers.append(feed.tick)
                 ends.append(feed.off_requested)
+                before_end.callback(feed.end)
             takers.append(stack.enter_context(watched_values(config, output)))
-            with rig_use:  # frees the ports first: `smadrive off` waits for them
+            with rig_use, before_end:  # frees the ports first: `smadrive off` waits for them
                 observe(open_rig, length_s, each(takers), lambda: any(is_ended() for is_ended in ends))
 
 

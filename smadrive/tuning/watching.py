@@ -28,6 +28,6 @@ class WatchFeed(TickFeed):
         return self._channel.off_requested()
 
     def end(self) -> None:
-        """Enter the safe state once more, and report to the pages whether it is confirmed."""
+        """Enter the safe state once more, and report to the pages whether it is confirmed. The rig must be open."""
         outcome = shut_down(self._rig.heater.enter_safe_state)
         self._publish(end=PublishedEnd.switched_off(confirmed=outcome.confirmed))

@@ -1,9 +1,15 @@
 """The page of `smadrive watch` in a real browser: live values without controls, also for those who come late."""
 
+import subprocess
+import sys
+import tomllib
 from contextlib import ExitStack
 
+import programs
 import pytest
+from served import PATIENT, served
 
+from smadrive.files.shipped import configs_dir
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import observe
@@ -53,3 +59,20 @@ def test_page_says_that_the_command_has_ended_and_the_heater_is_off(watched):
     feed.end()
     stack.close()
     page.locator("#connection.good").wait_for()
+
+
+def test_page_of_a_command_that_ends_normally_says_that_the_heater_is_off(context, tmp_path):
+    with served("--pty", str(tmp_path / "port")) as (_, url):
+        rig = (configs_dir() / "rigs" / "simulated.toml").read_text()
+        (tmp_path / "rig.toml").write_text(rig.replace(tomllib.loads(rig)["devices"][0]["url"], url + PATIENT))
+        command = [sys.executable, "-m", "smadrive", "watch", "rig.toml", "--page", "--port", "0", "--no-browser"]
+        with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as watching:
+            address = watching.stdout.readline().split()[-1]
+            page = context.new_page()
+            page.goto(address)
+            page.get_by_text("measurements", exact=True).wait_for()
+            context.request.post(f"{address.rstrip('/')}/off")
+            page.locator("#connection.good").wait_for()
+            page.close()
+            watching.communicate()
+    assert watching.returncode == 0

@@ -49,15 +49,9 @@ def open_browser(url: str) -> None:
 
 @contextmanager
 def watched_on_page(rig: Rig, port: int, output: Output, *, browser: bool) -> Iterator[WatchFeed]:
-    """Open the page of `watch`, and yield the feed that sends each measurement to it.
-
-    At the end of the `with` block, the page shows that the command has ended.
-    """
+    """Open the page of `watch`, and yield the feed that sends each measurement to it."""
     check_real_time(rig)
     with DriverEnd() as channel:
         feed = WatchFeed(rig, channel)
         with opened(LivePage(channel, port=port, document={}), rig, output, browser=browser):
-            try:
-                yield feed
-            finally:
-                feed.end()
+            yield feed
