@@ -236,8 +236,9 @@ def _guardian(source: PlannedDevice, devices: Iterable[PlannedDevice], limits: L
             limit=f"{GUARDIAN_PATIENCE * longest_s:g} s",
             cure="raise limits.watchdog_s",
         )
-    config = source.config
-    return Task(GuardedDevice(config.profile, config.url, config.unit_id), limits.watchdog_s)
+    device = source.config
+    guarded = GuardedDevice(device.profile, device.url, device.unit_id, current_max_a=limits.current_max_a)
+    return Task(guarded, limits.watchdog_s)
 
 
 def _reply_timeout_s(device: PlannedDevice) -> float:

@@ -126,7 +126,7 @@ class Guardian:
         self._access = access
         self._duty = duty
         self._timeout_s = timeout_s
-        self._last: AttemptOutcome | None = None
+        self._last: tuple[AttemptOutcome, bool] | None = None
         self._printed_s = 0.0
 
     def attempt(self, state: GuardianState) -> AttemptOutcome:
@@ -158,17 +158,17 @@ class Guardian:
     def _report(self, result: AttemptResult, state: GuardianState) -> None:
         """Print the result of an attempt to switch off, unless the last attempt had the same outcome.
 
-        Before the first result, print why the guardian takes over. While the guardian waits for its device, the same
-        outcome is printed again every `REMIND_S`.
+        Before the first result, print why the guardian takes over. When the guardian begins to wait for its device, and
+        then every `REMIND_S`, the same outcome is printed again.
         """
         waits = state is GuardianState.WAITING_FOR_DEVICE
         if self._last is None:
             _print(f"the driver {self._reason(state)}: taking over")
         reminds = waits and time.monotonic() - self._printed_s > REMIND_S
-        if result.outcome is not self._last or reminds:
+        if (result.outcome, waits) != self._last or reminds:
             _print(_message(result, waits=waits))
             self._printed_s = time.monotonic()
-        self._last = result.outcome
+        self._last = result.outcome, waits
 
     def _reason(self, state: GuardianState) -> str:
         """Return why the guardian takes over; `state` is the state of its first attempt."""

@@ -95,6 +95,8 @@ class AttemptOutcome(Enum):
     UNREACHABLE_REMOTE = auto()
     """The device does not answer, and it is behind a network."""
     ANOTHER_DEVICE = auto()
+    CURRENT_FLOWS = auto()
+    """The device is in its safe state, but a current still flows, or is not known to be zero."""
     BUSY = auto()
     """Another program uses the line."""
     RELIEVED = auto()

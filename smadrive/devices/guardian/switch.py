@@ -1,4 +1,7 @@
-"""The attempts of a guardian to switch its device off: get the line, then write the safe state and read it back."""
+"""The attempts of a guardian to switch its device off.
+
+Each gets the line, writes the safe state, reads it back, and then measures that no current flows.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +13,13 @@ from smadrive.devices.device import Device
 from smadrive.devices.guardian.search import PortSearch
 from smadrive.devices.guardian.states import AttemptOutcome
 from smadrive.devices.guardian.task import GuardedDevice, SharedLock
+from smadrive.devices.heating.supply import BenchSupply
 from smadrive.devices.heating.tclab_board import TCLabBoard
+from smadrive.devices.heating.zero_current import confirm_off
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.state.key import key_at
 from smadrive.devices.state.lock import LineLock, Role, lines_of, lock_line
-from smadrive.errors import BusyError, IdentityError
+from smadrive.errors import BusyError, IdentityError, SafetyError
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import is_remote, open_transport
 from smadrive.modbus.transports.transport import PortAccess, Transport
@@ -98,15 +103,17 @@ class OffSwitch:
         result = AttemptResult(AttemptOutcome.UNREACHABLE, "none of its ports exists, or another device answers there")
         for url in self._search.urls():
             result = self._off_at(url, alone=alone)
-            if result.outcome is AttemptOutcome.CONFIRMED:
+            if result.outcome in (AttemptOutcome.CONFIRMED, AttemptOutcome.CURRENT_FLOWS):
                 break
         return result
 
     def _off_at(self, url: str, *, alone: bool) -> AttemptResult:
-        """Try to write the safe state at this port, and return the outcome."""
+        """Try to switch off at this port, and return the outcome."""
         try:
             with self._access.to(self._lines(url) if alone else (), alone=alone) as exclusive:
-                self._write_safe_state(url, exclusive=exclusive)
+                self._switch_off(url, exclusive=exclusive)
+        except SafetyError as error:
+            return AttemptResult(AttemptOutcome.CURRENT_FLOWS, f"{error.what}: {error.value}")
         except IdentityError as error:
             self._search.note_other_device(url)
             return AttemptResult(AttemptOutcome.ANOTHER_DEVICE, str(error))
@@ -118,12 +125,16 @@ class OffSwitch:
             return AttemptResult(outcome, str(error))
         return AttemptResult(AttemptOutcome.CONFIRMED, "heater off, confirmed by read-back")
 
-    def _write_safe_state(self, url: str, *, exclusive: bool) -> None:
+    def _switch_off(self, url: str, *, exclusive: bool) -> None:
+        """Write the safe state, and wait until no current flows; SafetyError if it flows on. A TCLab measures none."""
         settings = self._profile.serial_settings()
         with open_transport(url, settings, exclusive=exclusive, port_access=self._show_life) as transport:
             device = self._device_on(transport)
             device.check_identity()
-            device.enter_safe_state()
+            if isinstance(device, TCLabBoard):
+                device.enter_safe_state()
+            else:
+                confirm_off(BenchSupply(device), self._device.current_max_a, transport.clock)
 
     def _device_on(self, transport: Transport) -> Device | TCLabBoard:
         if not self._profile.has_registers:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, field
+from math import inf
 from typing import NamedTuple
 
 from smadrive.devices.identity import Identity
@@ -14,13 +15,17 @@ READY, ECHO, TAKEN, FREE = b"y", b"e", b"t", b"f"
 
 @dataclass(frozen=True)
 class GuardedDevice:
-    """The device that the guardian switches off, with the values of its entry in the rig file."""
+    """The device that the guardian switches off, with the values of its entry in the rig file.
+
+    Less than a tenth of `current_max_a` counts as no current.
+    """
 
     profile: str
     url: str
     unit_id: int | None
     identity: Identity = field(default_factory=dict)
     """The identity that the driver has proved. Only a device with this identity can confirm the safe state."""
+    current_max_a: float = inf
 
 
 class SharedLock(NamedTuple):

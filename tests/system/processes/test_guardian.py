@@ -234,9 +234,15 @@ def test_guardian_watches_while_current_flows_although_the_supply_reports_off(tm
     script = tmp_path / "leaks.toml"
     script.write_text("[[faults]]\nat_s = 0.0\nname = 'short_switch'\nleak_a = 0.2\n")
     with driven(tmp_path, "crash", "--faults", str(script)) as (driver, _):
-        said = driver.communicate(timeout=300)[1]
+        (guardian,) = guardians(driver.pid)
+        said = line = driver.stderr.readline()
+        while line and "or connect the device again" not in line:
+            said += (line := driver.stderr.readline())
+        os.kill(guardian, signal.SIGKILL)
+        said += driver.stderr.read()
     assert UNCONFIRMED in said
     assert "taking over" in said
+    assert "confirmed by read-back" not in said
 
 
 def test_stalled_terminal_does_not_keep_the_heat_on(tmp_path):

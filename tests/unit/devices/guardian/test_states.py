@@ -52,7 +52,7 @@ class Script:
 
 
 HEARTBEAT, GIVES_WAY, STAND_DOWN, HAND_OVER, SILENCE, CLOSED = DriverSignal
-OFF, UNREACHABLE, BARRED, ANOTHER, BUSY, RELIEVED, GONE = AttemptOutcome
+OFF, UNREACHABLE, BARRED, ANOTHER, FLOWS, BUSY, RELIEVED, GONE = AttemptOutcome
 
 
 @pytest.mark.parametrize("state", [state for state in GuardianState if state is not GuardianState.DONE])
