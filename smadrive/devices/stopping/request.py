@@ -10,6 +10,7 @@ import os
 import select
 import signal
 import socket
+import struct
 import time
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
@@ -126,10 +127,12 @@ def ask_to_stop(line: str, name: str, deadline_s: float, stack: ExitStack) -> St
     if not IS_POSSIBLE:
         return None
     connection = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
-    connection.settimeout(max(deadline_s - time.monotonic(), 0.001))
+    within_s = max(deadline_s - time.monotonic(), 0.001)
+    timeout = struct.pack("ll", int(within_s), int(within_s % 1.0 * 1e6))
+    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, timeout)  # settimeout() does not wait for the backlog
     try:
         connection.connect(address_of(name))
-    except TimeoutError:  # the backlog is full: the driver is paused or hangs, and other programs wait
+    except BlockingIOError:  # the backlog is full: the driver is paused or hangs, and other programs wait
         raise SafetyError(
             "its driver does not answer", where=line, cure="end that driver (kill -9), then repeat `smadrive off`"
         ) from None

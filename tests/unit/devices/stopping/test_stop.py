@@ -169,6 +169,21 @@ def test_many_connections_leave_the_driver_its_descriptors(driver, line):
         assert process.poll() is None
 
 
+def test_paused_driver_whose_backlog_is_full_is_not_taken_for_no_driver(driver, line):
+    process = driver("idle")
+    process.send_signal(signal.SIGSTOP)
+    while " T " not in Path(f"/proc/{process.pid}/stat").read_text():
+        time.sleep(0.01)
+    with ExitStack() as stack:
+        for _ in range(2 * BACKLOG):
+            asker = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+            asker.setblocking(False)
+            with suppress(BlockingIOError):
+                asker.connect(address_of(line))
+        with pytest.raises(SafetyError):
+            stop_driver(line, within_s=0.2)
+
+
 def test_forked_child_of_a_driver_does_not_keep_its_line(line):
     fork = multiprocessing.get_context("fork")
     runs = fork.Event()
