@@ -213,7 +213,7 @@ class TemperatureBand:
 
     def _unseen_c(self, reading_c: float, power_w: float, dt_s: float) -> float:
         self._lost_w = power_w + (self._lost_w - power_w) * exp(-dt_s / self._time_constant_s)
-        if reading_c != self._reading_c:
+        if isfinite(reading_c) and reading_c != self._reading_c:
             self._changed(reading_c, power_w)
             return 0.0
         self._still_s += dt_s
@@ -221,7 +221,7 @@ class TemperatureBand:
             abs(wire.step(power_w - then_w, dt_s))
             for wire, then_w in zip(self._unseen, self._powers_then_w, strict=True)
         ]
-        return min(moved_c) if self._still_s > self._lag_s else 0.0
+        return min(moved_c) if isfinite(reading_c) and self._still_s > self._lag_s else 0.0
 
     def _changed(self, reading_c: float, power_w: float) -> None:
         self._reading_c = reading_c

@@ -194,6 +194,13 @@ def test_frozen_reading_trips_before_the_wire_is_too_hot(uncertainty):
     assert wire.temperature_c < 130.0
 
 
+def test_missing_readings_do_not_hide_a_frozen_reading():
+    band = TemperatureBand(NOMINAL_BALANCE, NOMINAL, 0.3)
+    band.start(60.0, 0.0)
+    unseen_c = [band.update(nan if n % 5 == 0 else 60.0, 3.0, n * TICK_S).unseen_c for n in range(1, 60)]
+    assert max(unseen_c) > FROZEN_C
+
+
 def test_coarse_reading_that_last_changed_in_a_pulse_of_power_is_not_frozen():
     """At the last change the power was high, because the wire was colder a moment before. A recorded run at 4 Hz."""
     balance = replace(NOMINAL_BALANCE, source=BalanceSource.IDENTIFIED)
