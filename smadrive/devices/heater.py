@@ -1,9 +1,10 @@
 """The only way to heat: every current above zero is commanded by `Heater.exchange`.
 
 `Heater` joins a heat source with the sensors of the wire. It clamps the current to [0, current_max_a]. Over the
-last `DERATE_C` below temperature_max_c, the upper limit falls linearly to zero. The current is zero while the source is
-not armed, while the temperature is invalid or not below its maximum, and when the command is not finite. `Heater.arm`
-also sets the limits and the watchdog in the source.
+last `DERATE_C` below temperature_max_c, the upper limit falls linearly to zero. While a separate thermometer does not
+answer, the upper limit is a current that cannot heat the wire above temperature_max_c. The current is zero while the
+source is not armed, while the temperature is invalid or not below its maximum, and when the command is not finite.
+`Heater.arm` also sets the limits and the watchdog in the source.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class Heater:
         self.source = source
         self.limits = limits
         self._clock = clock
-        self._thermometer = thermometer
+        self.thermometer = thermometer
         self._displacement = displacement
         self._guard = guard
         self._stop = stop
@@ -73,17 +74,17 @@ class Heater:
     @property
     def temperature_period_s(self) -> float:
         """Period in seconds of a separate thermometer; 0 when every exchange measures the temperature."""
-        return 0.0 if self._thermometer is None else self._thermometer.period_s
+        return 0.0 if self.thermometer is None else self.thermometer.period_s
 
     @property
     def has_temperature_limit(self) -> bool:
         """True if the heat source itself measures the temperature of the wire and switches off above its limit."""
-        return self._thermometer is None and self.source.has_temperature_limit
+        return self.thermometer is None and self.source.has_temperature_limit
 
     def connect(self) -> Measurement:
         """Prove the identity of every device, write its safe state, and return a measurement. Nothing is armed."""
         self.source.connect()
-        for sensor in (self._thermometer, self._displacement):
+        for sensor in (self.thermometer, self._displacement):
             if sensor is not None:
                 sensor.connect()
         if self._guard is not None:
@@ -211,15 +212,16 @@ class Heater:
             return 0.0, ()
         if not headroom_c > 0.0:  # the wire is too hot, or its temperature is unknown (NaN)
             return 0.0, ("temperature",) if current_a > 0.0 else ()
-        most_a = self.limits.current_max_a
-        limit = "current_max"
+        most_a, limit = self.limits.current_max_a, "current_max"
+        if self.thermometer is not None and self.thermometer.is_silent and self.limits.holding_a < most_a:
+            most_a, limit = self.limits.holding_a, "temperature"
         if headroom_c < DERATE_C:
             most_a *= headroom_c / DERATE_C
             limit = "temperature"
         return min(max(current_a, 0.0), most_a), (limit,) if current_a >= AT_LIMIT * most_a else ()
 
     def _measurement(self, supplied: Supplied, in_force_a: float, limits: tuple[str, ...]) -> Measurement:
-        temperature = self._sample("temperature", supplied.temperature, self._thermometer)
+        temperature = self._sample("temperature", supplied.temperature, self.thermometer)
         displacement = self._sample("displacement", supplied.displacement, self._displacement)
         now_s = self._clock.now_s()
         self._temperature_c = self._corrections.temperature.corrected(temperature.value)

@@ -23,11 +23,17 @@ class PolledSensor:
         self._quantity = quantity
         self._name = device.profile.role(quantity)
         self.period_s = period_s
+        self.timeout_s = device.profile.timing.response_timeout_ms / 1e3
         self._stale_s = stale_s
         self._clock = clock
         self._due_s = -inf
         self._last = Sample(nan, -inf, f"no {quantity} has been read yet")
         self._failure: SmadriveError | None = None
+
+    @property
+    def is_silent(self) -> bool:
+        """True if the last attempt to read the sensor failed."""
+        return self._failure is not None
 
     def connect(self) -> None:
         """Prove the identity of the device, then write its safe state, because a temperature controller could heat."""
@@ -54,4 +60,5 @@ class PolledSensor:
         except (TransportError, ProtocolError, DeviceError) as error:
             self._failure = error
             return
+        self._failure = None
         self._last = Sample(reading.value, self._clock.now_s(), reading.invalid)

@@ -35,7 +35,7 @@ from smadrive.rig.config_checks import check_excitation_time, check_limits, chec
 from smadrive.rig.controllers import excitation_controller, excitation_path, tracking_controller
 from smadrive.rig.plan import plan_rig
 from smadrive.rig.sensing_checks import check_sensing, check_sensor, usable_wire
-from smadrive.rig.supervision import WireChecks, check_rate, supervisor, wire_checks
+from smadrive.rig.supervision import WireChecks, check_rate, supervisor, wire_checks, with_holding_current
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
 from smadrive.safety.temperature_band import Heated
@@ -74,7 +74,8 @@ class Rig:
         self._clock = clock
         self._transports = transports or {}
         profiles = {device.name: load_profile(device.profile) for device in config.devices}
-        self._plan = plan_rig(config, profiles, self._transports)
+        plan = plan_rig(config, profiles, self._transports)
+        self._plan = replace(plan, limits=with_holding_current(plan.limits, self.nominal_balance))
         correct, limit_c = self._plan.corrections.temperature.corrected, config.limits.temperature_max_c
         self.caveats = *self._plan.caveats, *limit_caveats(correct, self.data_sheet.ambient_c, limit_c)
         self._trace_folder = trace_folder

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from math import inf
 from typing import NamedTuple
 
 from smadrive.clock import Clock
 from smadrive.devices.heater import Heater
+from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
@@ -141,6 +143,15 @@ def unexpected_current(config: RigConfig, measurement: Measurement) -> str | Non
     return f"{fault.cause}; {fault.remedy}" if is_off and flows else None
 
 
+def with_holding_current(limits: HeaterLimits, balance: HeatBalance) -> HeaterLimits:
+    """Return the limits with the current that holds the wire of this heat balance at `temperature_max_c`.
+
+    The resistance is the largest, so the wire settles at this temperature at most.
+    """
+    holding_w = max(balance.power_w(limits.temperature_max_c, 0.0, 0.0), 0.0)
+    return replace(limits, holding_a=min(balance.current_a(holding_w, phase) for phase in (0.0, 1.0)))
+
+
 def _current_tolerance_a(config: RigConfig) -> float:
     return min(CURRENT_TOLERANCE_A, ZERO_SHARE * config.limits.current_max_a)
 
@@ -167,7 +178,8 @@ def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) 
     """Raise ConfigError if the wire can overheat between two temperature readings.
 
     The loop reads the temperature at most once per period. Until the readings that a trip needs show that the wire has
-    passed its limit, current_max_a may heat it further, by `LARGEST_EXCESS_K` at most.
+    passed its limit, current_max_a may heat it further, by `LARGEST_EXCESS_K` at most. If a separate thermometer falls
+    silent, the same current flows until the first missing reply has been awaited (see `HeaterLimits.holding_a`).
 
     A heat source with a temperature limit of its own needs no reading of the loop: it compares its measurements with
     this limit itself.
@@ -183,12 +195,14 @@ def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) 
             limit=f"{distinct(most_s, period_s)} s",
             cure=FASTER,
         )
-    excess_k = _excess_k(config, balance, READINGS_TO_TRIP * period_s)
+    awaited_s = 0.0 if heater.thermometer is None else heater.thermometer.timeout_s
+    unseen_s = READINGS_TO_TRIP * period_s + awaited_s
+    excess_k = _excess_k(config, balance, unseen_s)
     if excess_k > LARGEST_EXCESS_K:
         raise ConfigError(
-            f"at current_max_a the wire exceeds temperature_max_c too far before {READINGS_TO_TRIP} readings show it",
+            "at current_max_a the wire exceeds temperature_max_c too far before the driver knows it",
             where=f"rig '{config.name}'",
-            value=f"by {excess_k:.0f} K, read every {period_s:.3g} s",
+            value=f"by {excess_k:.0f} K within {unseen_s:.3g} s",
             limit=f"{LARGEST_EXCESS_K:g} K",
             cure=f"lower current_max_a, or {FASTER}",
         )

@@ -22,12 +22,14 @@ class Sample(NamedTuple):
 class HeaterLimits:
     """The limits of the rig, which the driver keeps even if the device would allow more.
 
-    Without a voltage limit, `voltage_max_v` is infinite.
+    Without a voltage limit, `voltage_max_v` is infinite. The current is at most `holding_a` while the thermometer is
+    silent: this current holds the wire at `temperature_max_c`, or is infinite.
     """
 
     current_max_a: float
     temperature_max_c: float
     voltage_max_v: float = inf
+    holding_a: float = inf
 
     def __post_init__(self) -> None:
         """Raise ConfigError if a limit has no effect. Only the voltage limit may be infinite."""
