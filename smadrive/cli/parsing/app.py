@@ -15,7 +15,7 @@ COMMANDS = {
     "demo": "Identify and drive a simulated wire, and write a report.",
     "list": "List the shipped rigs, wires, device profiles, simulated wires and campaigns.",
     "scan": "Find the devices on a line and the profiles that match them.",
-    "board": "Check a board on the desk, or calibrate its meters.",
+    "board": "Check a board on the desk, or calibrate its current and voltage.",
     "probe": "Connect to a rig, check its devices, show live values.",
     "watch": "Show the live values of a rig, without heat.",
     "calibrate": "Find offset and scale of a rig's sensor at known values.",
