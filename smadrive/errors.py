@@ -16,7 +16,7 @@ where, the value, the limit and the cure.
     │   ├── ExceptionReply      a Modbus exception code
     │   ├── IdentityError       another device than the profile describes
     │   └── ReadBackError       a written value that did not arrive
-    ├── SafetyError             heating rejected, or stopped by the supervisor  exit code 4
+    ├── SafetyError             heating refused, or stopped by the supervisor   exit code 4
     │   ├── TripError           a latched trip
     │   ├── TakenOverError      the guardian has taken over the heater
     │   ├── UnknownCurrentError switched off, but no current is measured
@@ -183,7 +183,7 @@ class ReadBackError(DeviceError):
 
 
 class SafetyError(SmadriveError):
-    """Heating is rejected, or was stopped."""
+    """Heating is refused, or was stopped."""
 
     exit_code = 4
 

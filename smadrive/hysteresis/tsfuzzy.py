@@ -42,7 +42,7 @@ class TSFuzzyDuhem(BranchModel):
     Raises ModelError for another number of values, for values that are not finite, for an impossible scale, offset or
     range, and for sets outside `input_range`. Raises ModelError, too, for rules that increase the distance of two
     states by more than a factor of exp(50) over the range. Weaker rules that do not contract are allowed here:
-    certificate() reports them, and load_model rejects them.
+    certificate() reports them, and load_model refuses them.
     """
 
     def __init__(

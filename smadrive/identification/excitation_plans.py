@@ -76,7 +76,7 @@ def planned_excitation(
 
     The path starts at `start_c`, the present temperature of the wire. Without `reversals` and `duration_s` the plan has
     its usual number of reversals. With both, `duration_s` counts. ConfigError if `high_c` does not exceed `low_c`, if
-    the path with the fewest reversals lasts longer than `duration_s`, and for a path that `Excitation` rejects.
+    the path with the fewest reversals lasts longer than `duration_s`, and for a path that `Excitation` refuses.
     """
     _check_range(low_c, high_c)
     turning_points_c, usual, _ = PLANS[plan]

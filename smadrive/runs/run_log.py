@@ -37,7 +37,7 @@ BY_SENSOR = "the displacement sensor is valid again and used"
 """The texts of the events when the source of the displacement changes."""
 
 WIRE_FILE = "wire_file"
-"""Name of the metadata text with the path of the wire file. A log has no such text if its run used no wire file."""
+"""Name of the metadata text with the path of the model file. A log has no such text if its run used no model file."""
 
 BOARD_CONSTANTS = "board_constants"
 """Name of the metadata text with serial number and calibration constants of the board during a manual step, as JSON."""

@@ -48,7 +48,7 @@ class PlannedTracking:
     caveats              reasons to distrust the run, one sentence each
     cycling              the plan of the cycles; None if the reference is not repeated
     displacement_from    source of the displacement
-    wire_file            file of the wire; None for a wire from elsewhere
+    wire_file            model file of the wire; None for a wire from elsewhere
     expected             expected resistance at rest, from the health record beside `wire_file`; None if not identified
     """
 

@@ -65,7 +65,7 @@ class Wire(IdentifiedWire):
 
     @property
     def health(self) -> WireHealth | None:
-        """The drift of the wire since its identification, from the health record beside its wire file.
+        """The drift of the wire since its identification, from the health record beside its model file.
 
         None for a wire that was not loaded from a file, and for a file without a health record.
         """

@@ -1,4 +1,4 @@
-"""The messages of the stream, version `VERSION`: their topics, fields and units. docs/telemetry.md describes them.
+"""The published messages, version `VERSION`: their topics, fields and units. docs/telemetry.md describes them.
 
     PREFIX/RIG/schema        retained   the fields of all messages, with their units and meanings
     PREFIX/RIG/driver        retained   ONLINE, ENDED or GONE, as plain text; GONE is also the last will

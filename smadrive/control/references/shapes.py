@@ -1,7 +1,7 @@
 """References described in one line by a shape: `sine:low_mm=2,high_mm=9,period_s=56,cycles=2`.
 
 Each shape is a function of this file. Its keyword arguments are the keys of the line. Its positional argument
-`longest_s` is not a key, but the longest duration in s: a longer reference is rejected before its table is made.
+`longest_s` is not a key, but the longest duration in s: a longer reference is refused before its table is made.
 """
 
 from __future__ import annotations

@@ -133,7 +133,7 @@ class Profile(Section):
     def as_variant(self, variant: Variant) -> Profile:
         """Return a profile with the registers of this variant only.
 
-        Its `identify` contains the raw values of `variant.match`, so that a device of another variant is rejected.
+        Its `identify` contains the raw values of `variant.match`, so that a device of another variant is refused.
         """
         proofs = tuple(IdentityRegister(register=name, ranges=[span]) for name, span in variant.match.items())
         others = tuple(proof for proof in self.identify if proof.register_ not in variant.match)

@@ -38,7 +38,7 @@ HEADER = ("", "identified", "last run", "drift", "tracking error")
 class Assessment(NamedTuple):
     """The health of a wire, the entries of its record, and the reasons to distrust them.
 
-    `health` is None if the wire has no record, or if the record or the wire file cannot be read.
+    `health` is None if the wire has no record, or if the record or the model file cannot be read.
     """
 
     health: WireHealth | None
@@ -73,7 +73,7 @@ def assess(wire_file: Path, feedback: FeedbackConfig) -> Assessment:
 def assessment_of(log: Log) -> Assessment | None:
     """Return the present assessment of the wire of a run; None if the file of the wire is unknown or missing.
 
-    If the wire file cannot be used, `health` is None and the reason is a caveat.
+    If the model file cannot be used, `health` is None and the reason is a caveat.
     """
     wire_file = Path(log.metadata.get(WIRE_FILE, ""))
     if not os.path.isfile(wire_file):
@@ -85,7 +85,7 @@ def assessment_of(log: Log) -> Assessment | None:
 
 
 def is_identified(entries: tuple[HealthEntry, ...], now: HealthEntry) -> bool:
-    """Return True if `now`, the entry of the wire file, is the last identification in `entries`."""
+    """Return True if `now`, the entry of the model file, is the last identification in `entries`."""
     identified = [entry.model for entry in entries if entry.is_identification]
     return identified[-1:] == [now.model]
 

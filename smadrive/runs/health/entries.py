@@ -1,4 +1,4 @@
-"""Makes the entries of a health record: from a wire file, and from the log of a run."""
+"""Makes the entries of a health record: from a model file, and from the log of a run."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def identification_entry(wire_file: Path) -> HealthEntry:
 def run_entry(log: Log, wire_file: Path) -> HealthEntry:
     """Return the entry of the run in `log`, on the wire in `wire_file`.
 
-    A run whose log holds a model is compared with this model, an excitation with the model in the wire file. A
+    A run whose log holds a model is compared with this model, an excitation with the model in the model file. A
     measurement that tripped does not count: it may be invalid.
     """
     log = log.without_trips()

@@ -1,6 +1,6 @@
 """Adds a run to the health record of its wire. The record is a side product: no failure here makes a run fail.
 
-The log of the run names the wire file. The entry is made from the log after the run, so it does not delay the loop.
+The log of the run names the model file. The entry is made from the log after the run, so it does not delay the loop.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ class HealthEntry(BaseModel):
 
     kind             `identification`, or the kind of the run as in its log
     begun            start of the run, or time of the identification (ISO 8601, UTC)
-    model            key of the model of the wire file; another key means another identification
+    model            key of the model in the model file; another key means another identification
     cycles           cycles of the wire during the run
     log              name of the log, without its folder
     tripped          True if a trip ended the run
@@ -54,7 +54,7 @@ class HealthEntry(BaseModel):
     stroke_mm        stroke of the wire, mm
     heating_c        place of the heating branch: its temperature at the middle of the stroke, °C
     cooling_c        place of the cooling branch, °C
-    model_percent    RMS error of the model of the wire file in this run, or of its fit, in % of the stroke
+    model_percent    RMS error of this model in this run, or of its fit, in % of the stroke
     rms_percent      RMS of the tracking error, in % of the stroke; NaN for a tuning session
     max_percent      largest tracking error, in % of the stroke
     adapted          loop of the adapted model at the end of the run; None without online adaptation

@@ -41,8 +41,8 @@ def expected_rest(entries: Sequence[HealthEntry], model: str, identified_ohm: fl
     """Return the expected resistance at rest of the next run, and its tolerance.
 
     `entries` are the entries of the wire's record. `model` is the key of the wire's model, `identified_ohm` the cold
-    resistance in the wire file. Only runs since the last identification count. No run counts if the last identification
-    gave another model than `model`.
+    resistance in the model file. Only runs since the last identification count. No run counts if the last
+    identification gave another model than `model`.
     """
     starts = [number for number, entry in enumerate(entries) if entry.is_identification]
     if not starts or entries[starts[-1]].model != model:

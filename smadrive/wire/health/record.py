@@ -1,4 +1,4 @@
-"""The health record of a wire: the file beside the wire file, `wire.health.jsonl` beside `wire.json`.
+"""The health record of a wire: the file beside the model file, `wire.health.jsonl` beside `wire.json`.
 
 The file has one JSON object a line, and only grows. Each object has the version of its schema and a CRC-32 of its other
 fields. An entry is appended by one `write`, under a lock of the file. So a program that is killed leaves at most an

@@ -140,7 +140,7 @@ def _cycles(log: Log) -> Iterator[PagePart]:
 
 
 def _health(log: Log) -> Iterator[PagePart]:
-    """Yield the health of the wire, if its wire file and the health record beside that file exist."""
+    """Yield the health of the wire, if its model file and the health record beside that file exist."""
     found = assessment_of(log)
     if found is None:
         return
