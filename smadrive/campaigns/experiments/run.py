@@ -174,4 +174,15 @@ def _knowledge(run: PlannedRun) -> WireKnowledge:
 
 
 def _wire_row_if_simulated(run: PlannedRun) -> Row:
-    return {} if run.settings.experiment == "fit" else wire_row(simulated_wire(run))
+    """Return the true parameters of the wire of a failed run: none for a fit, or for a wire that is impossible.
+
+    An error of `OF_THE_WORKER` is raised.
+    """
+    if run.settings.experiment == "fit":
+        return {}
+    try:
+        return wire_row(simulated_wire(run))
+    except OF_THE_WORKER:
+        raise
+    except Exception:  # noqa: BLE001 (a defect in one run must not end the campaign)
+        return {}  # the run has failed with the same error

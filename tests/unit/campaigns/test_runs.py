@@ -18,7 +18,7 @@ import smadrive.campaigns.experiments.run
 from smadrive.campaigns.execution.journal import Journal
 from smadrive.campaigns.execution.scheduling import _result_of, groups_of, run_all
 from smadrive.campaigns.experiments.identification import WireKnowledge
-from smadrive.campaigns.experiments.run import execute, logged_run
+from smadrive.campaigns.experiments.run import execute, identify, logged_run
 from smadrive.campaigns.experiments.tracking import tracking_row
 from smadrive.campaigns.results.table import results_table, write_table
 from smadrive.campaigns.versions import versions, with_versions
@@ -115,6 +115,20 @@ def test_failure_is_final_if_its_error_comes_from_the_run(short_campaign, monkey
     assert (result.row["status"], result.row["error_type"]) == ("failed", type(error).__name__)
     assert result.is_final is is_final
     assert bool(result.effort.trace) is not isinstance(error, DataError)
+
+
+@pytest.mark.parametrize("identifies", [True, False])
+def test_random_wire_that_cannot_have_the_changes_of_the_run_is_a_final_failure(short_campaign, identifies):
+    """Only a Preisach wire has a correlation, and the kind of these wires is random."""
+    plan = short_campaign(
+        run='sim.file = "flexinol-lt-0.38mm"\nrig.limits.current_max_a = 4.0',
+        vary="[[vary]]\nsim.transformation.correlation = [0.4, 0.6]\n",
+        **({"model": ""} if identifies else {}),
+    )
+    run = plan.run(0)
+    result = execute(run, identify(run) if identifies else None)
+    assert (result.row["status"], result.row["error_type"]) == ("failed", "ConfigError")
+    assert result.is_final
 
 
 def test_failure_that_dask_reports_has_its_text_and_is_not_final(client):
