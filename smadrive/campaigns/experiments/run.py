@@ -149,8 +149,8 @@ def _failure(run: PlannedRun, error: Exception) -> RunFailure:
     Files are named relative to the campaign file: the row must not depend on the folder.
     """
     text, trace = str(error), "" if isinstance(error, SmadriveError) else traceback.format_exc()
-    paths = (file.name for file in _files_of(run) if Path(file.name).is_absolute())
-    for path in sorted(paths, key=len, reverse=True):  # a path can begin with a shorter one
+    names = (run.documents.rig.wire, *(file.name for file in _files_of(run)))
+    for path in sorted(filter(os.path.isabs, names), key=len, reverse=True):  # a path can begin with a shorter one
         text = text.replace(path, os.path.relpath(path, run.folder))
     return RunFailure(outcome_row("failed", error, text), trace, not isinstance(error, OF_THE_WORKER))
 

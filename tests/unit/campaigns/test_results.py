@@ -14,8 +14,20 @@ from smadrive.campaigns.results.report import _two_axes, write_campaign_report
 from smadrive.campaigns.results.sensitivity import sensitivities
 from smadrive.campaigns.results.summary import summarized, worst_first
 from smadrive.campaigns.results.table import results_table, write_table
+from smadrive.files.shipped import configs_dir
 
 EFFORT = Effort("2026-01-01T00:00:00+00:00", 1.0, 1.0, 0.0, "host:1")
+WEAK = """
+title = "x"
+[run]
+reference = "up"
+model = "wire.json"
+rig.file = "rig.toml"
+rig.wire = "wire.toml"
+rig.limits.current_max_a = 0.01
+[references.up]
+shape = "sine:period_s=20"
+"""
 
 
 @pytest.fixture
@@ -123,6 +135,23 @@ def test_table_with_a_damaged_file_does_not_depend_on_the_folder(tmp_path, name,
         digests.add(write_table(table, folder / "results.parquet"))
     assert len(digests) == 1
     assert all(name in error and str(tmp_path) not in error for error in errors)
+
+
+def test_table_of_failed_runs_does_not_depend_on_the_folder_of_the_wire_file(tmp_path):
+    """The current limit is too small for the wire, whose file stands beside the campaign file."""
+    digests, errors = set(), set()
+    for folder in (tmp_path / "anna", tmp_path / "a copy of it"):
+        folder.mkdir()
+        exact_wire().save(folder / "wire.json")
+        shutil.copy(configs_dir() / "rigs" / "in-process.toml", folder / "rig.toml")
+        shutil.copy(configs_dir() / "wires" / "flexinol-lt-0.15mm.toml", folder / "wire.toml")
+        (folder / "campaign.toml").write_text(WEAK)
+        plan = load_plan(str(folder / "campaign.toml"))
+        table = results_table(plan, {0: execute(plan.run(0))})
+        errors |= set(table["error"])
+        digests.add(write_table(table, folder / "results.parquet"))
+    assert len(digests) == len(errors) == 1
+    assert "'wire.toml'" in errors.pop()
 
 
 @pytest.mark.exhaustive
