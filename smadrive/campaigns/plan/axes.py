@@ -15,6 +15,7 @@ import numpy as np
 from smadrive.campaigns.plan.config import AxisConfig, GridConfig
 from smadrive.errors import ConfigError
 from smadrive.files.config import validate
+from smadrive.files.number_text import shortened
 
 MOST_RUNS = 1_000_000
 """The largest number of runs of a campaign. Even short runs of this number take days on a large cluster."""
@@ -41,8 +42,9 @@ class Axis(NamedTuple):
 def axes_of(configs: tuple[AxisConfig, ...], seed: int, folder: Path) -> tuple[Axis, ...]:
     """Return the axes. `seed` is the seed of the campaign; patterns of file names are relative to `folder`.
 
-    ConfigError for an axis without values, for lists of different lengths, for values that need labels, for two axes of
-    one name, for an axis of experiments, and for more than `MOST_RUNS` combinations.
+    ConfigError for an axis without values, for lists of different lengths, for values that need labels, for a value
+    that is given twice, for two axes of one name, for an axis of experiments, and for more than `MOST_RUNS`
+    combinations.
     """
     axes = tuple(_axis(config, seed, folder, f"[[vary]] {n}") for n, config in enumerate(configs, 1))
     names = [axis.name for axis in axes]
@@ -160,7 +162,21 @@ def _levels(config: AxisConfig, values: list[Any], folder: Path, where: str) -> 
     if not all(isinstance(value, Level) for value in plain):
         cure = 'name the values: labels = ["…", "…"]'
         raise ConfigError("values that are lists or tables need labels", where=where, cure=cure)
-    if len(set(plain)) < len(plain):
-        raise ConfigError("a value is given twice", where=where, value=str(plain), cure="remove one of the two")
-    kinds = {str if isinstance(value, str) else float for value in plain}
-    return tuple(plain) if len(kinds) == 1 else tuple(map(str, plain))
+    levels = _of_one_kind(plain, where)
+    if len(set(levels)) < len(levels):
+        cure = "write each value once, or a grid of fewer values"
+        raise ConfigError("a value is given twice", where=where, value=shortened(plain), cure=cure)
+    return levels
+
+
+def _of_one_kind(values: list[Level], where: str) -> tuple[Level, ...]:
+    """Return the values, as texts if one of them is a text. ConfigError for numbers together with true or false.
+
+    A column of the table has one type.
+    """
+    if any(isinstance(value, str) for value in values):
+        return tuple(map(str, values))
+    if len({isinstance(value, bool) for value in values}) > 1:
+        cure = 'name the values: labels = ["…", "…"]'
+        raise ConfigError("numbers and true or false are mixed", where=where, value=shortened(values), cure=cure)
+    return tuple(values)
