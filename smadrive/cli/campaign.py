@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from smadrive.campaigns.execution.cluster import local_client, remote_client, threads_of, usable_cores
+from smadrive.campaigns.execution.cluster import (
+    local_client,
+    remote_client,
+    threads_of,
+    usable_cores,
+    usable_memory_bytes,
+)
 from smadrive.cli.terminal.output import AsJson, Output
 from smadrive.cli.views.announcement import duration_text
 from smadrive.cli.views.campaign_view import (
@@ -65,7 +71,7 @@ def _conduct(
 ) -> None:
     # imported here, because these modules need the extra `campaign`, and the help must work without it
     from smadrive.campaigns.campaign import check_plan, conduct  # noqa: PLC0415
-    from smadrive.campaigns.execution.estimate import check_disk, estimated  # noqa: PLC0415
+    from smadrive.campaigns.execution.estimate import check_disk, estimated, memory_caveats  # noqa: PLC0415
     from smadrive.campaigns.execution.journal import Journal  # noqa: PLC0415
     from smadrive.campaigns.execution.scheduling import groups_of  # noqa: PLC0415
     from smadrive.campaigns.plan.plan import load_plan  # noqa: PLC0415
@@ -82,6 +88,7 @@ def _conduct(
         with _client(scheduler, workers) as client:
             threads = threads_of(client)
             output.say(estimate_line(plan, len(journal.results), estimate, threads))
+            output.warn(memory_caveats(threads, usable_memory_bytes()) if scheduler is None else ())
             output.say(f"dashboard: {client.dashboard_link}")
             with CampaignView(plan.count, len(journal.results), output) as view:
                 result = conduct(client, plan, groups, journal, view.finished, view.step)

@@ -58,6 +58,13 @@ def usable_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
+def usable_memory_bytes() -> int:
+    """Return the memory of this machine or, in a container with a limit, this limit, in bytes."""
+    from distributed.system import MEMORY_LIMIT  # noqa: PLC0415 (a command that needs no cluster must start at once)
+
+    return int(MEMORY_LIMIT)
+
+
 def dask_setup(_worker: Any) -> None:
     """Ignore Ctrl-C in a worker process: the command ends its workers. Dask calls this function in each worker."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -75,7 +82,11 @@ def local_client(workers: int) -> Iterator[Client]:
         dashboard = "127.0.0.1:0" if importlib.util.find_spec("bokeh") else None
         with (
             LocalCluster(
-                n_workers=workers, threads_per_worker=1, dashboard_address=dashboard, host="127.0.0.1"
+                n_workers=workers,
+                threads_per_worker=1,
+                memory_limit=0,  # no limit: Dask would pause a worker near its limit, and a campaign would stand still
+                dashboard_address=dashboard,
+                host="127.0.0.1",
             ) as cluster,
             Client(cluster) as client,
         ):

@@ -60,6 +60,9 @@ PAGE_BYTES = 2_000_000
 SPARE = 2.0
 """The disk must have this many times the estimated space."""
 
+WORKER_BYTES = 340_000_000
+"""Largest memory that a worker needs, measured, in bytes."""
+
 
 class CampaignEstimate(NamedTuple):
     """The estimated work of a campaign.
@@ -111,6 +114,16 @@ def check_disk(folder: Path, estimate: CampaignEstimate) -> None:
     if free < SPARE * estimate.disk_bytes:
         value, limit = f"{free / 1e6:.0f} MB free", f"{SPARE * estimate.disk_bytes / 1e6:.0f} MB"
         raise DataError("the disk is too small", where=folder, value=value, limit=limit, cure="choose another folder")
+
+
+def memory_caveats(workers: int, memory_bytes: int) -> list[str]:
+    """Return a warning if this machine, with `memory_bytes` of memory, is too small for this number of workers."""
+    if memory_bytes >= workers * WORKER_BYTES:
+        return []
+    needed, has = (f"{value / 1e6:.0f} MB" for value in (workers * WORKER_BYTES, memory_bytes))
+    most = max(1, memory_bytes // WORKER_BYTES)
+    cure = f"; choose at most --workers {most}" if most < workers else ""
+    return [f"{workers} workers may need {needed} of memory, and this machine has {has}{cure}"]
 
 
 def tick_s(runs: Sequence[PlannedRun]) -> float:

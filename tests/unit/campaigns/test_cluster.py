@@ -56,3 +56,11 @@ def test_killed_worker_comes_back_even_if_it_starts_slowly():
         following.resume()
         client.wait_for_workers(1, timeout=60)
         assert client.submit(sum, (1, 2)).result() == 3
+
+
+@pytest.mark.exhaustive
+def test_worker_of_this_machine_has_no_limit_of_memory():
+    """Dask pauses a worker near its limit, so a campaign of workers with small limits would stand still."""
+    with local_client(1) as client:
+        workers = client.scheduler_info()["workers"].values()
+        assert [worker["memory_limit"] for worker in workers] == [0]

@@ -2,7 +2,15 @@
 
 import pytest
 
-from smadrive.campaigns.execution.estimate import DUHEM_TICKS, TYPICAL_TICK_S, check_disk, estimated, tick_s
+from smadrive.campaigns.execution.estimate import (
+    DUHEM_TICKS,
+    TYPICAL_TICK_S,
+    WORKER_BYTES,
+    check_disk,
+    estimated,
+    memory_caveats,
+    tick_s,
+)
 from smadrive.campaigns.execution.scheduling import groups_of
 from smadrive.campaigns.experiments.run import logged_run
 from smadrive.campaigns.plan.plan import load_plan
@@ -114,3 +122,12 @@ def test_a_full_disk_is_found_before_the_start(short_campaign, tmp_path):
         check_disk(tmp_path / "new", estimate._replace(disk_bytes=1e18))
     assert caught.value.where == str(tmp_path / "new")
     assert not (tmp_path / "new").exists()
+
+
+def test_too_little_memory_for_the_workers_is_a_warning():
+    memory_bytes = 4 * WORKER_BYTES
+    assert memory_caveats(4, memory_bytes) == []
+    (caveat,) = memory_caveats(5, memory_bytes)
+    assert "--workers 4" in caveat
+    (caveat,) = memory_caveats(1, WORKER_BYTES // 2)
+    assert "--workers" not in caveat
