@@ -38,7 +38,12 @@ if TYPE_CHECKING:
 def main(
     campaign: Annotated[str, typer.Argument(help="Campaign file (.toml), or the name of a shipped campaign.")],
     folder: Annotated[
-        Path, typer.Option("--output-dir", "-o", help="Empty folder for the table, the logs and the report.")
+        Path,
+        typer.Option(
+            "--output-dir",
+            "-o",
+            help="Empty folder for the table, the logs and the report; with --resume, the folder of the campaign.",
+        ),
     ],
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the interrupted campaign in this folder.")
