@@ -58,8 +58,7 @@ class Journal:
             stack.callback(self._remove_unless_begun)
             if not (self._resume and self._read()):
                 self._write_copy()
-                head = {"schema": SCHEMA, "fingerprint": self._plan.fingerprint, "title": self._plan.config.title}
-                self._write({**head, "versions": table_versions()})
+                self._write(self._head())
             self._sync()
             self._on_exit = stack.pop_all()
         return self
@@ -105,6 +104,11 @@ class Journal:
         """The number of runs in `results` that `--resume` repeats."""
         return sum(not result.is_final for result in self.results.values())
 
+    def _head(self) -> dict[str, Any]:
+        """Return the fields of the first line."""
+        head = {"schema": SCHEMA, "fingerprint": self._plan.fingerprint, "title": self._plan.config.title}
+        return {**head, "versions": table_versions()}
+
     def _open(self) -> FileIO:
         path = self.folder / JOURNAL
         self._is_new_folder = not os.path.exists(self.folder)
@@ -135,12 +139,15 @@ class Journal:
         """Read the finished runs, and remove the lines from the first damaged one on.
 
         Return False if the first line has no end, because a kill or a full disk cut it: then no run is finished.
+        DataError for another text without an end: the file may belong to another program.
         """
         head, *lines = self._file.readall().splitlines(keepends=True) or [b""]
         is_begun = head.endswith(b"\n")
         if is_begun:
             self._check_head(head)
             self._read_runs(head, lines)
+        elif not checked_line(self._head()).startswith(head):
+            raise self._damaged_head()
         self._file.truncate(self._end)
         self._file.seek(self._end)
         return is_begun
@@ -159,10 +166,7 @@ class Journal:
         try:
             entry = fields_of_line(line)
         except ValueError:
-            cure = "choose another folder"
-            raise DataError(
-                "the first line of the journal is damaged", where=self.folder / JOURNAL, cure=cure
-            ) from None
+            raise self._damaged_head() from None
         if (schema := entry.get("schema")) != SCHEMA:
             raise DataError(
                 "another version of smadrive wrote the journal",
@@ -187,6 +191,10 @@ class Journal:
                 limit=_joined(own),
                 cure="install the same versions, or choose another folder without --resume",
             )
+
+    def _damaged_head(self) -> DataError:
+        what = "the first line is damaged, or not that of the journal of this campaign"
+        return DataError(what, where=self.folder / JOURNAL, cure="choose another folder without --resume")
 
     def _write_copy(self) -> None:
         with replacing(self.folder / COPY) as partial:

@@ -94,6 +94,19 @@ def test_journal_whose_first_line_is_cut_is_begun_again(short_campaign, tmp_path
         assert list(journal.results) == [1]
 
 
+@pytest.mark.parametrize("text", [b'{"event": "started"}', b"\0" * 64, b"{}"], ids=["json", "zeros", "empty"])
+def test_file_of_another_program_is_kept(short_campaign, tmp_path, text):
+    """Its only line has no end, like a line that a kill has cut."""
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / JOURNAL).write_bytes(text)
+    with pytest.raises(DataError) as caught, Journal(folder, short_campaign(), resume=True):
+        pass
+    assert caught.value.where == str(folder / JOURNAL)
+    assert (folder / JOURNAL).read_bytes() == text
+    assert list(folder.iterdir()) == [folder / JOURNAL]
+
+
 def test_journal_of_another_schema_is_named(short_campaign, tmp_path):
     plan = short_campaign()
     fields = fields_of_line(head_of(plan, tmp_path / "whole"))
