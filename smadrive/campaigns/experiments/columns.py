@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
+from smadrive.campaigns.plan.config import Experiment
+
 Value = int | float | str | bool
 Row = Mapping[str, Value]
 """The values of one run by column."""
@@ -63,6 +65,14 @@ TRACKING = {
 }
 COLUMNS = STATE | WIRE | FIT | TRACKING
 """Every column, in the order of the table."""
+
+
+def columns_of(experiment: Experiment, *, has_model: bool) -> Mapping[str, ResultColumn]:
+    """Return the columns that runs of an experiment can have. With a model, they fit nothing."""
+    if experiment == "fit":
+        return STATE | FIT
+    fit = {} if has_model else FIT
+    return STATE | WIRE | fit | (TRACKING if experiment == "track" else {})
 
 
 def outcome_row(

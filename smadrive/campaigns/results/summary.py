@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from smadrive.campaigns.experiments.columns import COLUMNS
+from smadrive.campaigns.experiments.columns import COLUMNS, columns_of
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.errors import ConfigError
 from smadrive.files.spelling import suggestion_or_list
@@ -34,21 +34,25 @@ class SummaryRow(NamedTuple):
 
 
 def check_report(plan: CampaignPlan) -> None:
-    """Raise ConfigError for an axis with the name of a column, and for unknown columns in [report]."""
+    """Raise ConfigError for an axis with the name of a column, and for columns in [report] that no run can have."""
     names = [axis.name for axis in plan.axes]
     for name in names:
         if name in COLUMNS or name == "run":
             cure = 'write another name = "…" at this axis'
             raise ConfigError("an axis has the name of a metric", where="[[vary]]", value=name, cure=cure)
-    numbers = [name for name, column in COLUMNS.items() if column.kind is float]
+    settings = plan.run(0).settings  # all runs have a model, or none
+    columns = columns_of(settings.experiment, has_model=settings.model is not None)
+    numbers = [name for name, column in columns.items() if column.kind is float]
     for key, given, allowed in (
         ("metric", (plan.metric,), numbers),
-        ("by", plan.config.report.by or (), [*names, *COLUMNS]),
+        ("by", plan.config.report.by or (), [*names, *columns]),
     ):
         for name in given:
             if name not in allowed:
+                is_impossible = name in COLUMNS and name not in columns
+                what = "no run of this campaign has this column" if is_impossible else "no such column"
                 cure = suggestion_or_list(name, allowed)
-                raise ConfigError("no such column", where=f"[report] {key}", value=name, cure=cure)
+                raise ConfigError(what, where=f"[report] {key}", value=name, cure=cure)
 
 
 def summary_columns(plan: CampaignPlan) -> list[str]:

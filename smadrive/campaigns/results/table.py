@@ -38,7 +38,10 @@ EFFORT_UNITS = {
 
 
 def results_table(plan: CampaignPlan, results: Mapping[int, RunResult]) -> DataFrame:
-    """Return the table of results. Its attributes hold units, meanings and provenance."""
+    """Return the table of results. Its attributes hold units, meanings and provenance.
+
+    A column of the report that no run has is missing in each row.
+    """
     from pandas import DataFrame  # noqa: PLC0415 (a command that fails early needs no pandas)
 
     numbers = sorted(results)
@@ -46,7 +49,8 @@ def results_table(plan: CampaignPlan, results: Mapping[int, RunResult]) -> DataF
     columns: dict[str, Any] = {"run": numbers}
     columns |= {axis.name: [one[axis.name] for one in levels] for axis in plan.axes}
     rows = [{**outcome_row("done"), **results[number].row} for number in numbers]
-    present = [name for name in COLUMNS if name == plan.metric or any(name in row for row in rows)]
+    reported = {plan.metric, *(plan.config.report.by or ())}
+    present = [name for name in COLUMNS if name in reported or any(name in row for row in rows)]
     columns |= {name: _series(COLUMNS[name], [row.get(name) for row in rows]) for name in present}
     table = DataFrame(columns)
     table.attrs = {

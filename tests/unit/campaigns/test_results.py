@@ -12,7 +12,7 @@ from smadrive.campaigns.experiments.run import Effort, RunResult, execute
 from smadrive.campaigns.plan.plan import load_plan
 from smadrive.campaigns.results.report import _two_axes, write_campaign_report
 from smadrive.campaigns.results.sensitivity import sensitivities
-from smadrive.campaigns.results.summary import summarized, worst_first
+from smadrive.campaigns.results.summary import summarized, summary_columns, worst_first
 from smadrive.campaigns.results.table import results_table, write_table
 from smadrive.files.shipped import configs_dir
 
@@ -152,6 +152,15 @@ def test_table_of_failed_runs_does_not_depend_on_the_folder_of_the_wire_file(tmp
         digests.add(write_table(table, folder / "results.parquet"))
     assert len(digests) == len(errors) == 1
     assert "'wire.toml'" in errors.pop()
+
+
+@pytest.mark.parametrize(("by", "missing"), [("certified", "<NA>"), ("wire_kind", ""), ("stroke_mm", "nan")])
+def test_column_of_the_report_that_no_run_has_is_missing_in_each_row(short_campaign, by, missing):
+    plan = short_campaign(more=f"[report]\nby = ['{by}']\n")
+    row = outcome_row("failed", ValueError("no identification"))
+    table = results_table(plan, {number: RunResult(row, EFFORT) for number in range(plan.count)})
+    (summary,) = summarized(table, plan.metric, summary_columns(plan))
+    assert (summary.levels, summary.runs, summary.failed) == ((missing,), plan.count, plan.count)
 
 
 @pytest.mark.exhaustive

@@ -119,3 +119,33 @@ def test_disturbance_after_the_end_of_the_reference_is_an_error(checked, times):
         checked(f'{TRACK}disturbance = "late"\n{late}')
     assert caught.value.where == "disturbance 'draft'"
     assert caught.value.limit
+
+
+MODEL = TRACK + 'model = "wire.json"\n'
+
+
+@pytest.mark.parametrize(
+    ("run", "key", "column"),
+    [
+        (FIT, "by", "wire_kind"),
+        (FIT, "by", "smoothed"),
+        (FIT, "metric", "rms_percent"),
+        (IDENTIFY, "by", "smoothed"),
+        (IDENTIFY, "metric", "energy_j"),
+        (MODEL, "by", "certified"),
+    ],
+)
+def test_column_that_no_run_has_is_an_error_in_the_report(checked, run, key, column):
+    value = f'["{column}"]' if key == "by" else f'"{column}"'
+    with pytest.raises(ConfigError) as caught:
+        checked(f"{run}[report]\n{key} = {value}\n")
+    assert (caught.value.where, caught.value.value) == (f"[report] {key}", column)
+    assert caught.value.cure
+
+
+@pytest.mark.parametrize(
+    ("run", "column"),
+    [(FIT, "certified"), (FIT, "error_type"), (IDENTIFY, "wire_kind"), (TRACK, "certified"), (MODEL, "smoothed")],
+)
+def test_column_that_a_run_can_have_is_accepted_in_the_report(checked, run, column):
+    checked(f'{run}[report]\nby = ["{column}"]\n')
