@@ -1,9 +1,10 @@
 """The journal of a campaign: one line for each finished run, in the output folder. A later command can go on with it.
 
-The first line identifies the plan, and the versions of the packages that decide the table. Each further line is a JSON
-object with the number of a run, its row and its effort. A line is written as soon as its run is finished. A kill can
-cut the last line, and a disk can damage any. The first damaged line and all lines after it are removed when the journal
-is opened again, and their runs are repeated. A failure that is not final has no line, so its run is repeated, too.
+The first line identifies the plan, without its report, and the versions of the packages that decide the table. Each
+further line is a JSON object with the number of a run, its row and its effort. A line is written as soon as its run is
+finished. A kill can cut the last line, and a disk can damage any. The first damaged line and all lines after it are
+removed when the journal is opened again, and their runs are repeated. A failure that is not final has no line, so its
+run is repeated, too.
 
 A copy of the campaign file is written before the first line, because only the same settings can go on with the runs.
 """
@@ -28,7 +29,7 @@ from smadrive.files.checked_line import checked_line, fields_of_line
 from smadrive.posix import fcntl
 
 JOURNAL, COPY = "journal.jsonl", "campaign.toml"
-SCHEMA = 3
+SCHEMA = 4
 SYNCED_S = 1.0
 """Shortest time between two synchronizations of the journal to the disk, s."""
 

@@ -139,9 +139,10 @@ class CampaignPlan:
     def fingerprint(self) -> str:
         """The digest of the settings in the campaign file, and of the content of all files that the runs read.
 
-        It does not depend on the folder of the campaign. A later change of a file does not change it.
+        It does not depend on the folder of the campaign, nor on [report], on which no run depends. A later change of a
+        file does not change it.
         """
-        digest = hashlib.sha256(self.config.model_dump_json().encode())
+        digest = hashlib.sha256(self.config.model_dump_json(exclude={"report"}).encode())
         digest.update(repr([axis.levels for axis in self.axes]).encode())
         for run in self._runs_by_files():
             digest.update(f"{run.documents.excitation_digest} {run.documents.rig.displacement_from}".encode())

@@ -116,6 +116,13 @@ def test_file_of_a_run_outside_the_sample_counts(folder, monkeypatch, key, name)
     assert fingerprint(folder) != before
 
 
+def test_report_does_not_count(folder):
+    copy = copied(folder, "copy")
+    with (copy / "campaign.toml").open("a") as file:
+        file.write("[report]\nmetric = 'max_percent'\nby = ['wire_kind']\nworst_logs = 1\n")
+    assert fingerprint(folder) == fingerprint(copy)
+
+
 def test_comment_in_a_file_does_not_count(folder):
     copy = copied(folder, "copy")
     for name in ("campaign.toml", "rig.toml", "board.toml", "wire.toml", "sim.toml"):

@@ -200,6 +200,15 @@ def test_another_campaign_does_not_go_on_in_the_folder(short_campaign, tmp_path)
         assert list(journal.results) == [0]
 
 
+def test_campaign_goes_on_with_another_report(short_campaign, tmp_path):
+    folder = tmp_path / "folder"
+    with Journal(folder, short_campaign(), resume=False) as journal:
+        journal.add(0, RESULT)
+    corrected = short_campaign(more='[report]\nby = ["wire_kind"]\n', name="other.toml")
+    with Journal(folder, corrected, resume=True) as journal:
+        assert list(journal.results) == [0]
+
+
 @pytest.mark.parametrize("package", ["numpy", "pyarrow"])
 def test_a_campaign_does_not_go_on_with_other_versions(short_campaign, tmp_path, package):
     folder = tmp_path / "folder"
