@@ -20,6 +20,9 @@ from smadrive.files.number_text import shortened
 MOST_RUNS = 1_000_000
 """The largest number of runs of a campaign. Even short runs of this number take days on a large cluster."""
 
+MOST_WHOLE = 2**63 - 1
+"""The largest whole number that a column of the table can hold."""
+
 Level = int | float | str | bool
 """A value of an axis, as it stands in the table of results."""
 
@@ -170,13 +173,18 @@ def _levels(config: AxisConfig, values: list[Any], folder: Path, where: str) -> 
 
 
 def _of_one_kind(values: list[Level], where: str) -> tuple[Level, ...]:
-    """Return the values, as texts if one of them is a text. ConfigError for numbers together with true or false.
+    """Return the values, as texts if one of them is a text.
 
-    A column of the table has one type.
+    A column of the table has one type. ConfigError for numbers together with true or false, and for a whole number
+    beyond 64 bits.
     """
     if any(isinstance(value, str) for value in values):
         return tuple(map(str, values))
     if len({isinstance(value, bool) for value in values}) > 1:
         cure = 'name the values: labels = ["…", "…"]'
         raise ConfigError("numbers and true or false are mixed", where=where, value=shortened(values), cure=cure)
+    for value in values:
+        if isinstance(value, int) and abs(value) > MOST_WHOLE:
+            cure = "give a smaller number"
+            raise ConfigError("too large", where=where, value=shortened(value), limit=MOST_WHOLE, cure=cure)
     return tuple(values)

@@ -2,6 +2,7 @@
 
 import pytest
 
+from smadrive.campaigns.plan.axes import MOST_WHOLE
 from smadrive.campaigns.plan.plan import load_plan
 from smadrive.errors import ConfigError
 
@@ -41,6 +42,14 @@ def test_values_that_the_table_cannot_hold_are_an_error(levels, values):
     assert caught.value.where == "[[vary]] 1"
     assert caught.value.value
     assert caught.value.cure
+
+
+@pytest.mark.parametrize("number", [MOST_WHOLE + 1, -MOST_WHOLE - 2])
+def test_whole_number_beyond_64_bits_is_an_error(levels, number):
+    with pytest.raises(ConfigError) as caught:
+        levels(f"rig.x = [1, {number}]")
+    assert (caught.value.where, caught.value.limit) == ("[[vary]] 1", MOST_WHOLE)
+    assert levels(f"rig.x = [1, {MOST_WHOLE}]") == (1, MOST_WHOLE)
 
 
 def test_labels_stand_for_mixed_values(levels):
