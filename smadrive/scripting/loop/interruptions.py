@@ -1,7 +1,8 @@
 """Interruptions of a request: how the script counts them, and when they act in the loop process.
 
 During a request, nothing is raised in the script: Ctrl-C, and an interruption of the kernel of a notebook, are counted
-and passed on. In the loop process a signal acts as its phase says:
+and passed on. An exception that another signal handler of the script raises is kept, and passed on as an interruption.
+In the loop process a signal acts as its phase says:
 
     phase           what the main thread does            an interruption         the end of the script
     WAITING         waits for a request, or replies      has no effect           acts at once
@@ -20,7 +21,10 @@ import signal
 import threading
 from enum import Enum, auto
 from types import FrameType, TracebackType
-from typing import Self
+from typing import Any, Self
+
+from smadrive.safety.shutdown import carry, shutdown_of
+from smadrive.scripting.loop.messages import Failure, Result
 
 
 class Phase(Enum):
@@ -36,33 +40,103 @@ INTERRUPTIBLE = frozenset({Phase.RESTORING, Phase.CARRYING_OUT, Phase.OWN_CODE})
 AT_ONCE = frozenset({Phase.WAITING, Phase.RESTORING, Phase.OWN_CODE})
 """The phases in which a signal acts at once. In the other one it acts at the next tick."""
 
+ENDED_BEFORE = "the request was done before the interruption, and no current flows"
+"""The message of a KeyboardInterrupt that came too late to interrupt a request. Every request ends at zero current."""
 
-class CountedInterrupts:
-    """A context manager that counts SIGINT in `count`. An ignored SIGINT stays ignored.
 
-    Outside the main thread nothing is counted, because signals arrive in the main thread only.
+class RequestSignals:
+    """A context manager in which no signal handler of the script cuts the wait for a reply.
+
+    SIGINT is counted in `count`. Every other handler is called as usual, but the exception that it raises is kept in
+    `error`, to be raised after the request has ended. `passed_on` is the number of interruptions that were sent to the
+    loop process. An ignored SIGINT stays ignored. Outside the main thread nothing changes, because signals arrive in
+    the main thread only.
     """
 
     def __init__(self) -> None:
-        self.count = 0
-        self._is_installed = False
+        self.count, self.passed_on = 0, 0
+        self.error: BaseException | None = None
+        self._handlers: dict[int, Any] = {}
+        self._is_active = False
+
+    @property
+    def interruptions(self) -> int:
+        """The number of interruptions to send to the loop process: one per SIGINT, and at least one for an error."""
+        return max(self.count, 0 if self.error is None else 1)
+
+    def keep(self, error: BaseException) -> None:
+        """Keep an error. The first one stays, but an error that is no Exception, such as SystemExit, replaces it."""
+        if self.error is None or (isinstance(self.error, Exception) and not isinstance(error, Exception)):
+            self.error = error
 
     def __enter__(self) -> Self:
-        """Count from now on."""
+        """Count and keep from now on."""
         if threading.current_thread() is threading.main_thread():
-            handler = signal.getsignal(signal.SIGINT)
-            if handler is not None and handler != signal.SIG_IGN:
-                self._handler = handler
-                signal.signal(signal.SIGINT, self._count)
-                self._is_installed = True
+            self._is_active = True
+            mask = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+            try:
+                for number in signal.valid_signals():
+                    handler = signal.getsignal(number)
+                    if callable(handler) or (number == signal.SIGINT and handler == signal.SIG_DFL):
+                        self._handlers[number] = handler
+                        signal.signal(number, self._handle)
+            except BaseException:  # of a handler that was not replaced yet
+                self._restore()
+                raise
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Give the signal back to the handler of the script."""
-        if self._is_installed:
-            signal.signal(signal.SIGINT, self._handler)
+        """Give the signals back to the handlers of the script."""
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, self._handlers)  # a handler may raise: all are restored first
+        try:
+            self._restore()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
-    def _count(self, _number: int, _frame: FrameType | None) -> None:
-        self.count += 1
+    def _restore(self) -> None:
+        self._is_active = False
+        for number, handler in self._handlers.items():
+            if signal.getsignal(number) == self._handle:  # otherwise a handler has chosen another one
+                signal.signal(number, handler)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        handler = self._handlers[number]
+        if not self._is_active:  # the error of another handler has cut `_restore`
+            signal.signal(number, handler)
+            signal.raise_signal(number)
+        elif number == signal.SIGINT:
+            self.count += 1
+        else:
+            try:
+                handler(number, frame)
+            except BaseException as error:  # noqa: BLE001 (raised after the request has ended)
+                self.keep(error)
+
+
+def error_to_raise(reply: Result | Failure, signals: RequestSignals) -> BaseException | None:
+    """Return the error that a request raises in the script after its reply; None if it raises nothing.
+
+    An error of the script comes first, with the outcome of the shutdown. If the request has failed by itself, this
+    error gets the failure as a note. An interruption comes before an error that is an Exception: a script that tries
+    again after errors must not heat again. The message of a KeyboardInterrupt says that the heater is off, if this is
+    confirmed.
+    """
+    failed = reply.error if isinstance(reply, Failure) else None
+    outcome = None if failed is None else shutdown_of(failed)
+    if isinstance(failed, KeyboardInterrupt) and outcome is not None and outcome.confirmed:
+        failed.args = (str(outcome),)
+    if signals.error is None:
+        return KeyboardInterrupt(ENDED_BEFORE) if failed is None and signals.count else failed
+    error = signals.error
+    if signals.count and isinstance(error, Exception):
+        error = KeyboardInterrupt(ENDED_BEFORE if outcome is None else str(outcome))
+        error.__cause__ = signals.error
+    if outcome is not None:
+        carry(error, outcome)
+    if failed is not None and not isinstance(failed, KeyboardInterrupt):
+        error.add_note(str(failed))
+    return error

@@ -2,15 +2,14 @@
 
 While a request is carried out, Ctrl-C (in a notebook: the interruption of the kernel) raises nothing in the script. The
 interruption is sent to the loop process, which ends the run at zero current. When the process has confirmed this,
-KeyboardInterrupt is raised. A thread receives the messages: a busy script does not delay them, and no interruption can
-cut a message.
+KeyboardInterrupt is raised. An exception of a signal handler ends the run in the same way before it is raised. A thread
+receives the messages: a busy script does not delay them, and no interruption can cut a message.
 """
 
 from __future__ import annotations
 
 import os
 import pickle
-import signal
 import subprocess
 import sys
 import threading
@@ -20,13 +19,12 @@ from multiprocessing import Pipe
 from typing import Any
 from weakref import WeakSet
 
-from smadrive.errors import BusyError, LoopProcessError, StoppedError
+from smadrive.errors import BusyError, ConfigError, LoopProcessError, StoppedError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
 from smadrive.posix import OwningProcess, check_posix
-from smadrive.safety.shutdown import shutdown_of
 from smadrive.scripting.callbacks import check_may_wait
-from smadrive.scripting.loop.interruptions import CountedInterrupts
+from smadrive.scripting.loop.interruptions import RequestSignals, error_to_raise
 from smadrive.scripting.loop.messages import (
     COMMAND,
     END,
@@ -37,6 +35,7 @@ from smadrive.scripting.loop.messages import (
     RemoteTracebackError,
     Result,
     RunProgress,
+    process_error,
     send_whole,
 )
 from smadrive.scripting.loop.servo_messages import ServoCommand, ServoReport
@@ -52,9 +51,6 @@ ENDS_WITHIN_S = 30.0
 
 OBEYS_WITHIN_S = 10.0
 """After `ABORTS_AT` interruptions, the loop process is killed if it still runs after this time in s."""
-
-ENDED_BEFORE = "the request was done before the interruption, and no current flows"
-"""The message of a KeyboardInterrupt that came too late to interrupt a request. Every request ends at zero current."""
 
 _running: WeakSet[LoopClient] = WeakSet()
 
@@ -84,6 +80,7 @@ class LoopClient:
         self._replies: dict[int, Result | Failure] = {}
         self._arrived = threading.Event()
         self._one_call, self._one_message = threading.Lock(), threading.RLock()
+        self._calling_thread: int | None = None
         self._is_lost = False
         self._stop: StoppedError | None = None
         self.is_end_raised = False
@@ -124,23 +121,28 @@ class LoopClient:
     def call(self, request: Any, show: Show = show_nothing) -> Any:
         """Send a request. Return its result or raise its error. `show` is called with the progress of a run.
 
-        KeyboardInterrupt after an interruption, once the request has ended at zero current. StoppedError if
-        `smadrive off` has stopped the process during this call or before it. LoopProcessError if the process has died.
-        ControllerError if a controller cannot be pickled. MotionError in a callback of a servo (see callbacks.py).
+        KeyboardInterrupt after an interruption, and any exception of a signal handler of the script or of `show`, once
+        the request has ended at zero current. StoppedError if `smadrive off` has stopped the process during this call
+        or before it. LoopProcessError if the process has died. ControllerError if a controller cannot be pickled.
+        MotionError in a callback of a servo (see callbacks.py). ConfigError in a signal handler during a call.
         """
         self.owner.check()
         check_may_wait("loop process")
-        with self._one_call, CountedInterrupts() as interrupts:
-            message = pickled(request)
-            self._number += 1
-            self._progress = None
-            self._send(REQUEST + self._number.to_bytes(NUMBER_BYTES) + message)
-            reply = self._reply(interrupts, show)
-        if interrupts.count and not isinstance(reply, Failure):
-            raise KeyboardInterrupt(ENDED_BEFORE)
-        if isinstance(reply, Failure):
-            self.is_end_raised = isinstance(reply.error, StoppedError)
-            raise _explained(reply.error) from (RemoteTracebackError(reply.traceback) if reply.traceback else None)
+        if self._calling_thread == threading.get_ident():
+            what, cure = "a signal handler must not use the rig during a request", "raise an exception in the handler"
+            raise ConfigError(what, where="loop process", cure=cure)
+        with self._one_call, RequestSignals() as signals:
+            self._calling_thread = threading.get_ident()
+            try:
+                reply = self._carried_out(pickled(request), signals, show)
+            finally:
+                self._calling_thread = None
+        if (error := error_to_raise(reply, signals)) is not None:
+            if isinstance(reply, Failure) and error is reply.error:
+                self.is_end_raised = isinstance(error, StoppedError | LoopProcessError)
+                raise _explained(error) from (RemoteTracebackError(reply.traceback) if reply.traceback else None)
+            raise error
+        assert isinstance(reply, Result)
         return reply.value
 
     def command(self, servo_id: str, command: ServoCommand) -> None:
@@ -164,19 +166,38 @@ class LoopClient:
             self._process.kill()
             self._process.wait()
 
-    def _reply(self, interrupts: CountedInterrupts, show: Show) -> Result | Failure:
-        passed_on, give_up_s = 0, float("inf")
+    def _carried_out(self, message: bytes, signals: RequestSignals, show: Show) -> Result | Failure:
+        """Send a pickled request and return its reply. An error in this method is kept in `signals`."""
+        self._number += 1
+        self._progress = None
+        self._replies.clear()
+        is_sent = False
+        try:
+            self._send(REQUEST + self._number.to_bytes(NUMBER_BYTES) + message)
+            is_sent = True
+            return self._reply(signals, show)
+        except BaseException as error:  # noqa: BLE001 (raised by `call`, after the request has ended)
+            signals.keep(error)
+            if not is_sent:  # the request may not have arrived, and would then get no reply
+                self._send(END)
+            return self._reply(signals, show_nothing)
+
+    def _reply(self, signals: RequestSignals, show: Show) -> Result | Failure:
+        """Wait for the reply, which is the error of the process if it has ended. Pass interruptions on."""
+        give_up_s = float("inf")
         while True:
             is_lost = self._is_lost  # read first: the last reply may have arrived just before the end
-            if (reply := self._replies.pop(self._number, None)) is not None:
+            if (reply := self._replies.get(self._number)) is not None:
                 return reply
             if is_lost:
-                raise self._death()
-            while passed_on < interrupts.count:
-                passed_on += 1
+                return Failure(self._death(), "")
+            while signals.passed_on < signals.interruptions:
+                signals.passed_on += 1
                 self._send(INTERRUPT + self._number.to_bytes(NUMBER_BYTES))
-            if passed_on >= ABORTS_AT:
+            if signals.passed_on >= ABORTS_AT:
                 give_up_s = min(give_up_s, time.monotonic() + OBEYS_WITHIN_S)
+            if signals.error is not None:
+                give_up_s = min(give_up_s, time.monotonic() + ENDS_WITHIN_S)
             if time.monotonic() > give_up_s:
                 self.kill()
             self._arrived.wait(LOOK_S)
@@ -186,22 +207,13 @@ class LoopClient:
 
     def _death(self) -> BaseException:
         """Return the error that tells why the process has ended."""
-        self.is_end_raised = True
         try:
             self._process.wait(ENDS_WITHIN_S)
         except subprocess.TimeoutExpired:
             self.kill()
         if self._stop is not None:
             return self._stop
-        if self._process.returncode == 0:
-            what, cure = "it has ended, because a signal or an error stopped it", "open the rig again"
-            return LoopProcessError(what, where="loop process", cure=cure)
-        return LoopProcessError(
-            "it has died; the watchdog of the device, or the guardian, switches the heater off",
-            where="loop process",
-            value=_status(self._process.returncode),
-            cure="confirm with `smadrive off RIG` that the heater is off, then open the rig again",
-        )
+        return process_error(self._process.returncode)
 
     def _send(self, message: bytes) -> None:
         """Send a message under a lock: a long message takes several writes, and no other thread may write between."""
@@ -231,19 +243,8 @@ class LoopClient:
 
 
 def _explained(error: BaseException) -> BaseException:
-    """Return the error to raise in the script.
-
-    The message of a KeyboardInterrupt says that the heater is off, if this is confirmed. The message of a BusyError
-    says if it is this script that uses the line.
-    """
-    outcome = shutdown_of(error)
-    if isinstance(error, KeyboardInterrupt) and outcome is not None and outcome.confirmed:
-        error.args = (str(outcome),)
+    """Return the error to raise in the script. A BusyError says if it is this script that uses the line."""
     if isinstance(error, BusyError) and error.holder_pid in {client.pid for client in _running if not client.is_lost}:
         cure = "use the rig that is open, or close it first: call its close(), or open it in a `with` block"
         return BusyError("busy, because this script has a rig open on this line", where=error.where, cure=cure)
     return error
-
-
-def _status(code: int) -> str:
-    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
