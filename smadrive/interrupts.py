@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Self
 
@@ -19,6 +20,15 @@ Handler = Callable[[int, FrameType | None], Any] | int
 
 ABORTS_AT = 3
 """The signal with this number ends the block of `HeldSignals`; the earlier signals are only counted."""
+
+
+@contextmanager
+def signals_obeyed_afterwards() -> Iterator[None]:
+    """Hold the signals in the `with` block, then call the program's own handlers, which may raise an error."""
+    with HeldSignals() as held:
+        yield
+    for number in held.received:
+        signal.raise_signal(number)
 
 
 class AbortedError(KeyboardInterrupt):

@@ -183,6 +183,11 @@ class OpenRig(RigConnection):
         """
         self._check_free()
         self._servo = Servo(self._client, wire_of_argument(wire), self.config.limits, new_log(self, log, "servo"))
+        try:
+            self._servo.begin()
+        except BaseException as interruption:  # the script gets no servo that it could stop
+            self._stop_servo_after(interruption)
+            raise
         return self._servo
 
 

@@ -87,6 +87,13 @@ class RigConnection:
         if self._servo is not None and self._servo.is_running:
             self._servo.stop()
 
+    def _stop_servo_after(self, error: BaseException) -> None:
+        """Stop a running servo. If this fails, the failure becomes a note of `error`, which the caller raises."""
+        try:
+            self._stop_servo()
+        except Exception as failure:  # noqa: BLE001 (the caller raises `error`)
+            carry(error, shutdown_of(failure) or ShutdownOutcome(failure))
+
     def _call(self, request: Any) -> Any:
         self._check_free()
         return self._client.call(request)

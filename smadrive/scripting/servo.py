@@ -15,6 +15,7 @@ from smadrive.control.loop import Tick, TickHandler
 from smadrive.control.references.limits import check_end
 from smadrive.control.references.reference import Reference
 from smadrive.errors import MotionError
+from smadrive.interrupts import signals_obeyed_afterwards
 from smadrive.measurement import Measurement
 from smadrive.numerics.scalars import real_number
 from smadrive.rig.config import LimitsConfig
@@ -83,7 +84,11 @@ class Servo:
         client.on_report = self._receive
         request = ServoRequest(self._id, log_file.absolute(), wire)
         self._thread = threading.Thread(target=self._run, args=(request,), name="servo", daemon=True)
-        self._thread.start()
+
+    def begin(self) -> None:
+        """Begin the run. Call this once, when the rig already has this servo, so that its `close` stops it."""
+        with signals_obeyed_afterwards():
+            self._thread.start()
 
     def __enter__(self) -> Self:
         """Return this servo."""

@@ -1,12 +1,14 @@
 """A servo holds the wire and moves it to setpoints that the script gives while the loop runs."""
 
 import shutil
+import signal
 import threading
 from dataclasses import replace
-from itertools import pairwise
+from itertools import count, pairwise
 
 import numpy as np
 import pytest
+from signal_injection import InterruptedLine
 
 import smadrive
 from smadrive.control.references.holding import APPROACH_S
@@ -14,6 +16,8 @@ from smadrive.errors import ConfigError, MotionError, SafetyError, TripError
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
 from smadrive.safety.shutdown import shutdown_of
+from smadrive.scripting import open_rig
+from smadrive.scripting import servo as servo_module
 from smadrive.wire.health.record import read_health
 from smadrive.wire.identified_wire import load_wire
 
@@ -282,3 +286,21 @@ def test_servo_by_resistance_needs_the_resistance_of_the_wire(blind, wire, tmp_p
     ):
         pass
     assert refused.value.where == "displacement_from"
+
+
+def test_servo_whose_creation_is_interrupted_at_any_line_can_be_stopped(wire, tmp_path):
+    def interrupt():
+        signal.raise_signal(signal.SIGINT)
+
+    rig = smadrive.open_rig("in-process")
+    try:
+        for at in count():
+            with InterruptedLine(at, open_rig, servo_module, threading, interrupt=interrupt) as interrupted:
+                rig.servo(wire, tmp_path / f"{at}.h5")
+            rig._stop_servo()
+            assert not any(thread.name == "servo" for thread in threading.enumerate())
+            if not interrupted.reached:
+                break
+        assert not rig.measure().armed
+    finally:
+        rig._client.end()
