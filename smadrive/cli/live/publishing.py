@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -11,6 +11,7 @@ import typer
 from smadrive.cli.terminal.output import Output
 from smadrive.control.loop import TickHandler
 from smadrive.display.number_text import count_text
+from smadrive.errors import ConfigError
 from smadrive.rig.config import RigConfig
 from smadrive.rig.rig import Rig
 from smadrive.stream.published_state import PublishedMode
@@ -125,11 +126,15 @@ def open_publication(
     from smadrive.telemetry.publication import Publication  # noqa: PLC0415
 
     publication = Publication(parse_address(url), config, command, writer)
-    with ExitStack() as stack:
-        stack.callback(_say_counts, publication, output)
-        stack.enter_context(publication)
-        _say_connection(publication, output)
-        yield publication
+    try:
+        with publication:
+            _say_connection(publication, output)
+            yield publication
+    except BaseException:
+        with suppress(ConfigError, OSError):  # a failed print must not hide the error
+            _say_counts(publication, output)
+        raise
+    _say_counts(publication, output)
 
 
 def _say_connection(publication: Publication, output: Output) -> None:
