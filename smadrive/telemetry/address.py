@@ -14,6 +14,7 @@ import ssl
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 from urllib.parse import SplitResult, parse_qsl, unquote, urlsplit
 
 from smadrive.errors import ConfigError
@@ -88,11 +89,17 @@ def tls_context(address: BrokerAddress) -> ssl.SSLContext:
     try:
         context = ssl.create_default_context(cafile=address.ca_file)
         if address.cert_file is not None:
-            context.load_cert_chain(address.cert_file, address.key_file)
+            context.load_cert_chain(address.cert_file, address.key_file, lambda: _refuse_pass_phrase(address.key_file))
     except (ssl.SSLError, OSError) as error:
         where, cure = f"{WHERE}: {' and '.join(TLS_FILES)}", "give PEM files; the key must belong to the certificate"
         raise ConfigError("a file cannot be used for TLS", where=where, value=str(error), cure=cure) from None
     return context
+
+
+def _refuse_pass_phrase(key_file: str | None) -> NoReturn:
+    """Raise ConfigError. Without this function, OpenSSL asks for the pass phrase on the terminal, and waits for it."""
+    cure = "give a key without a pass phrase, in a file that only this user can read"
+    raise ConfigError("the key has a pass phrase", where=f"{WHERE}: key_file", value=key_file, cure=cure)
 
 
 def _split(url: str) -> SplitResult:

@@ -1,5 +1,7 @@
 """The address of a broker: what it takes, and what it refuses without showing a password."""
 
+import subprocess
+
 import pytest
 
 from smadrive.errors import ConfigError
@@ -58,3 +60,16 @@ def test_wrong_addresses_are_refused(url, where):
     assert error.value.where == where
     assert error.value.cure
     assert "hunter2" not in str(error.value)
+
+
+def test_key_with_a_pass_phrase_is_an_error_and_asks_no_question(tmp_path):
+    key, certificate = tmp_path / "key.pem", tmp_path / "cert.pem"
+    command = (
+        *("openssl", "req", "-x509", "-newkey", "rsa:2048", "-days", "2", "-subj", "/CN=localhost"),
+        *("-passout", "pass:secret", "-keyout", str(key), "-out", str(certificate)),
+    )
+    subprocess.run(command, check=True, capture_output=True)
+    with pytest.raises(ConfigError) as error:
+        parse_address(f"mqtts://broker?cert_file={certificate}&key_file={key}", {})
+    assert (error.value.where, error.value.value) == ("--publish: key_file", str(key))
+    assert error.value.cure
