@@ -138,9 +138,9 @@ def check_reference_within(reference: Reference, wire: IdentifiedWire, limits: L
 
 
 def check_displacement_within(displacement_mm: float, limits_mm: tuple[float, float]) -> None:
-    """Raise ConfigError for a displacement outside `limits_mm`, which `permitted_mm` returns, and for NaN."""
+    """Raise ConfigError unless the displacement is a number within `limits_mm`, which `permitted_mm` returns."""
     low_mm, high_mm = limits_mm
-    if not low_mm <= displacement_mm <= high_mm:
+    if not low_mm <= real_number(displacement_mm, "displacement_mm") <= high_mm:
         raise ConfigError(
             "outside the travel of the identified wire, or outside the displacement limits of the rig",
             where="displacement_mm",

@@ -74,8 +74,9 @@ class Wire(IdentifiedWire):
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the wire to a file (.json), with the time of writing. DataError when the file cannot be written."""
-        check_output(Path(path), MODEL)
-        super().save(Path(path))
+        file = Path(path_text(path, "path", "the path of a model file"))
+        check_output(file, MODEL)
+        super().save(file)
 
 
 def identify(

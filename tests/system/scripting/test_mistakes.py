@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 import smadrive
+from smadrive.bluesky.sma_wire import SmaWire
 from smadrive.errors import (
     ConfigError,
     ControllerError,
@@ -149,6 +150,9 @@ MISTAKES = [  # name, action, type of the error, its part `where` without folder
     ("path", lambda rig, wire: smadrive.read_log(None), ConfigError, "path", "NoneType"),
     ("path", lambda rig, wire: smadrive.read_log("absent.h5"), DataError, "absent.h5", None),
     ("save", lambda rig, wire: wire.save("wire.txt"), DataError, "wire.txt", None),
+    ("save", lambda rig, wire: wire.save(3), ConfigError, "path", "int"),
+    ("set", lambda rig, wire: SmaWire(rig, wire).set("4"), ConfigError, "displacement_mm", "str"),
+    ("check", lambda rig, wire: SmaWire(rig, wire).check_value(None), ConfigError, "displacement_mm", "NoneType"),
     ("column", lambda rig, wire: smadrive.read_log("excitation.h5")["displacement"], DataError, "excitation.h5", None),
 ]
 
