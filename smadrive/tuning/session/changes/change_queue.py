@@ -149,7 +149,7 @@ class ChangeQueue:
         self._answer(job, reason)
         if job.request is None:
             self._tunings.comparison.stop()
-            yield f"the next tuning was rejected, and the present one stays in force: {reason}"
+            yield f"the next tuning was refused, and the present one stays in force: {reason}"
 
     def _answer(self, job: Job, refused: str | None) -> None:
         if job.request is not None:
