@@ -42,10 +42,6 @@ READINGS_TO_TRIP = 2
 LARGEST_EXCESS_K = 60.0
 """Largest excess of the wire over temperature_max_c at a trip, K. A wire limited to 135 °C then stays below 200 °C."""
 
-FRESH, FRESH_PERIODS = 0.25, 1.5
-"""A displacement is fresh up to this fraction of the wire's time constant, and at least for this number of periods of
-the loop: then one lost reply of a sensor that is read in every period does not make its displacement old."""
-
 FASTER = "raise rate_hz of the rig, and of the thermometer if it has one, or use a faster thermometer"
 
 RATE_EXCHANGES = 4
@@ -97,8 +93,7 @@ def supervisor(
     """
     _check_thermometer(config, heater, balance)
     lag_s = LAG_FACTOR * balance.thermocouple_lag_s
-    fresh_s = max(FRESH * balance.time_constant_s, FRESH_PERIODS / config.rate_hz)
-    limits = _safety_limits(config, heater.source.settle_s, lag_s, fresh_s)
+    limits = _safety_limits(config, heater.source.settle_s, lag_s, balance.fresh_s(1.0 / config.rate_hz))
     band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s + heater.temperature_period_s, last)
     if checks is None:
         return Supervisor(limits, band)

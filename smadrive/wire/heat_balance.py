@@ -32,6 +32,10 @@ class BalanceSource(StrEnum):
     """A fit to a record of this wire."""
 
 
+FRESH, FRESH_PERIODS = 0.25, 1.5
+"""A displacement is fresh up to this fraction of the wire's time constant, and at least for this number of periods of
+the loop: then one lost reply of a sensor that is read in every period does not make its displacement old."""
+
 RESISTANCE_CHANGE = "heat balance: resistance_change"
 
 
@@ -72,6 +76,13 @@ class HeatBalance:
     def time_constant_s(self) -> float:
         """Time constant τ = m c / (h A) of the wire without transformation, s."""
         return self.heat_capacity_j_per_k / self.loss_w_per_k
+
+    def fresh_s(self, period_s: float) -> float:
+        """Return the age up to which a displacement tells the present state of the wire, s.
+
+        `period_s` is the period of the loop.
+        """
+        return max(FRESH * self.time_constant_s, FRESH_PERIODS * period_s)
 
     def resistance_ohm(self, phase: float) -> float:
         """Return the resistance R(ξ) at the phase ξ, Ω."""

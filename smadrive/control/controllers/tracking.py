@@ -90,7 +90,8 @@ class TrackingController:
         noise_mm = DISPLACEMENT_NOISE * stroke_mm
         self._observer = WireObserver(wire, period_s, settings.noise_c, noise_mm)
         resistance = None if wire.resistance is None else ResistanceSensor(wire, wire.resistance, period_s)
-        self._sources = SourceSelection(settings.displacement_from, resistance, noise_mm, stroke_mm, period_s)
+        source, fresh_s = settings.displacement_from, wire.balance.fresh_s(period_s)
+        self._sources = SourceSelection(source, resistance, noise_mm, stroke_mm, period_s, fresh_s)
         self._feedforward = DisplacementFeedforward(inverse, wire)
         self._preview = ReversalPreview(wire, period_s) if inverse.hysteretic else None
         self._feedback = TrackingFeedback(wire, settings)

@@ -102,7 +102,8 @@ class SourceSelection:
 
     `chosen` is the source that the user has chosen. `resistance` measures the displacement by the resistance; it is
     None if the resistance of the wire is not identified. `noise_mm` is the standard deviation of the noise of the
-    displacement sensor, `stroke_mm` the stroke, `period_s` the period of the loop.
+    displacement sensor, `stroke_mm` the stroke, `period_s` the period of the loop, `fresh_s` the age up to which a
+    displacement is fresh.
     """
 
     def __init__(
@@ -112,8 +113,9 @@ class SourceSelection:
         noise_mm: float,
         stroke_mm: float,
         period_s: float,
+        fresh_s: float,
     ) -> None:
-        self._chosen, self._resistance = chosen, resistance
+        self._chosen, self._resistance, self._fresh_s = chosen, resistance, fresh_s
         self._noise_mm, self._most_mm = noise_mm, MOST_SHARE * stroke_mm
         self._fails_ticks = max(FAILS_TICKS, round(FAILS_S / period_s))
 
@@ -163,7 +165,7 @@ class SourceSelection:
 
         `prediction` is the prediction for the time of `measurement`, from the last estimate of the wire.
         """
-        sensor = self._sensor(measurement)
+        sensor = self._sensor(measurement, prediction.mm_per_s)
         if self._resistance is None:
             source = DisplacementFrom.SENSOR if isfinite(sensor.mm) else DisplacementFrom.NONE
             state = state if state.source is source else state._replace(source=source)
@@ -181,10 +183,15 @@ class SourceSelection:
         state = state._replace(lead=lead, source=source, is_replaced=is_replaced, cold_s=cold_s)
         return state, Selected(used, by_resistance)
 
-    def _sensor(self, measurement: Measurement) -> DisplacementReading:
-        if self._chosen is not DisplacementFrom.SENSOR or not isfinite(measurement.displacement_mm):
+    def _sensor(self, measurement: Measurement, mm_per_s: float = 0.0) -> DisplacementReading:
+        """Return the displacement by the sensor, advanced from the time of its reading at the rate `mm_per_s`.
+
+        A displacement that is not fresh any more is no reading.
+        """
+        age_s, is_chosen = measurement.displacement_age_s, self._chosen is DisplacementFrom.SENSOR
+        if not (is_chosen and isfinite(measurement.displacement_mm) and age_s <= self._fresh_s):
             return NO_READING
-        return DisplacementReading(measurement.displacement_mm, self._noise_mm)
+        return DisplacementReading(measurement.displacement_mm + mm_per_s * age_s, self._noise_mm)
 
     def _compared(
         self,

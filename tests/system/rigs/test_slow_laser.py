@@ -1,12 +1,18 @@
-"""A wire is identified with a laser that is read more slowly than the loop runs: its readings are not taken as new."""
+"""A laser is read more slowly than the loop runs: identification and control do not take its readings as new."""
 
 import json
 
+import numpy as np
 import pytest
+from exact_wire import exact_wire
+from marks import exhaustive
+from on_bench import rig_on
 
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.shapes import sine
 from smadrive.identification.reshape import shape_of
 from smadrive.identification.wire import FitSettings
 from smadrive.rig.config import RigConfig, load_rig
@@ -14,22 +20,27 @@ from smadrive.runs.health.entries import loop_shape, run_entry
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.record_fit import fit_log
 from smadrive.runs.run_log import record_excitation
-from tests.on_bench import rig_on
+from smadrive.wire.wire_model import travel_mm
 
 SIM = "flexinol-lt-0.15mm"
-LASER = {"name": "laser", "profile": "baumer-om20", "url": f"sim://{SIM}", "rate_hz": 5.0}
+LASER = {"name": "laser", "profile": "baumer-om20", "url": f"sim://{SIM}"}
 CAVEAT = "the laser is slow"
+
+
+def bench_and_rig(rate_hz):
+    """A simulated bench, and its rig with a loop at 20 Hz and a laser that is read at `rate_hz`."""
+    config = load_rig("in-process").model_dump(exclude_none=True)
+    config["devices"] = [config["devices"][0] | {"measures": ["temperature"]}, LASER | {"rate_hz": rate_hz}]
+    bench, clock = SimulatedBench(load_sim(SIM), seed=1), VirtualClock()
+    clock.follow(bench.advance_to)
+    return bench, rig_on(bench, RigConfig.model_validate(config), clock)
 
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     """The log of an excitation at 20 Hz, whose displacement is read at 5 Hz."""
-    config = load_rig("in-process").model_dump(exclude_none=True)
-    config["devices"] = [config["devices"][0] | {"measures": ["temperature"]}, LASER]
-    bench, clock = SimulatedBench(load_sim(SIM), seed=1), VirtualClock()
-    clock.follow(bench.advance_to)
     path = tmp_path_factory.mktemp("slow") / "excitation.h5"
-    with rig_on(bench, RigConfig.model_validate(config), clock) as rig:
+    with bench_and_rig(5.0)[1] as rig:
         excitation = rig.excitation(22.0)
         with record_excitation(path, rig, excitation, caveats=json.dumps([CAVEAT])) as recorder:
             rig.excite(excitation, recorder.tick)
@@ -61,3 +72,19 @@ def test_wire_has_not_drifted_in_its_own_excitation(log, fit, tmp_path):
     identified = loop_shape(fit.fit.model)
     assert entry.heating_c.value == pytest.approx(identified.heating_c, abs=0.2)
     assert entry.cooling_c.value == pytest.approx(identified.cooling_c, abs=0.2)
+
+
+@pytest.mark.parametrize(("rate_hz", "rms"), [(5.0, 0.0015), exhaustive(2.0, 0.005), exhaustive(1.0, 0.012)])
+def test_wire_tracks_its_reference(rate_hz, rms):
+    bench, opened = bench_and_rig(rate_hz)
+    errors_mm = []
+    with opened as rig:
+        wire = exact_wire().wire_model(rig.nominal_balance)
+        reference = sine(low_mm=2.0, high_mm=9.0, period_s=20.0, cycles=1).with_approach(travel_mm(wire.model)[0], 10.0)
+
+        def record(tick):
+            if tick.time_s > 15.0:
+                errors_mm.append(bench.plant.displacement_mm - reference.value_mm(tick.time_s))
+
+        rig.track(reference, wire, HysteresisInverse(wire.model), record)
+    assert np.sqrt(np.mean(np.square(errors_mm))) < rms * abs(wire.travel_mm)

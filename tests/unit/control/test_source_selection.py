@@ -138,7 +138,7 @@ def test_implausible_sensor_is_replaced(sensor):
 @pytest.mark.parametrize("between", [DisplacementFrom.RESISTANCE, DisplacementFrom.NONE])
 def test_failed_sensor_stays_failed_when_another_source_was_chosen_meanwhile(between):
     first, second, third = (
-        SourceSelection(chosen, ResistanceSensor(WIRE, RESISTANCE, DT_S), 0.01, STROKE_MM, DT_S)
+        SourceSelection(chosen, ResistanceSensor(WIRE, RESISTANCE, DT_S), 0.01, STROKE_MM, DT_S, 0.5)
         for chosen in (DisplacementFrom.SENSOR, between, DisplacementFrom.SENSOR)
     )
     failed = first.start()._replace(failed=True, has_sensor=True, is_replaced=True)
@@ -234,7 +234,7 @@ def test_sense_current_flows_after_a_tick_without_a_displacement():
     sensor = ResistanceSensor(WIRE, RESISTANCE, DT_S)
     floors_a = {}
     for chosen in DisplacementFrom:
-        selection = SourceSelection(chosen, sensor, 0.012, STROKE_MM, DT_S)
+        selection = SourceSelection(chosen, sensor, 0.012, STROKE_MM, DT_S, 0.5)
         assert selection.start().source is DisplacementFrom.NONE
         floors_a[chosen] = selection.floor_a(selection.start())
     assert floors_a[DisplacementFrom.RESISTANCE] == sensor.floor_a > 0.0
