@@ -23,12 +23,16 @@ class PolledSensor:
         self._quantity = quantity
         self._name = device.profile.role(quantity)
         self.period_s = period_s
-        self.timeout_s = device.profile.timing.response_timeout_ms / 1e3
         self._stale_s = stale_s
         self._clock = clock
         self._due_s = -inf
         self._last = Sample(nan, -inf, f"no {quantity} has been read yet")
         self._failure: SmadriveError | None = None
+
+    @property
+    def timeout_s(self) -> float:
+        """The longest wait for a reply of the sensor, s."""
+        return self._device.profile.timing.response_timeout_ms / 1e3 + self._device.client.transport.latency_s
 
     @property
     def is_silent(self) -> bool:

@@ -90,12 +90,12 @@ def stale_after_s(config: RigConfig) -> float:
 
 
 def _slow(sensors: Iterable[PlannedSensor], rate_hz: float) -> Iterator[str]:
-    """Yield a warning for each sensor that is slow for the loop: the controller takes an old reading for a new one."""
+    """Yield a warning for each sensor that is slow for the loop: most ticks have an old reading."""
     for sensor in sensors:
         if sensor.period_s * rate_hz > SLOW_PERIODS:
             yield (
-                f"'{sensor.device.name}' gives a new {sensor.quantity} only every {sensor.period_s:g} s, and the loop "
-                f"uses it again every {1.0 / rate_hz:g} s, as if it were new: set rate_hz of the rig to "
+                f"'{sensor.device.name}' gives a new {sensor.quantity} only every {sensor.period_s:g} s, but the loop "
+                f"runs every {1.0 / rate_hz:g} s: most of its readings are old: set rate_hz of the rig to "
                 f"{1.0 / sensor.period_s:.3g}"
             )
 

@@ -174,7 +174,7 @@ class Supervisor:
         if self._frozen.update(band.unseen_c > FROZEN_C):
             detail = f"{reading_c:.2f} °C, while the wire's temperature changed by at least {band.unseen_c:.0f} K"
             self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
-        if self._implausible.update(is_too_cold or not reading_c <= band.high_c):
+        if self._implausible.update(is_too_cold or (isfinite(reading_c) and not reading_c <= band.high_c)):
             fault = Fault.READS_TOO_COLD if is_too_cold else Fault.READS_TOO_HOT
             detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"
             self._raise(fault, measurement.time_s, detail)

@@ -80,7 +80,7 @@ class LoopClient:
         self._replies: dict[int, Result | Failure] = {}
         self._arrived = threading.Event()
         self._one_call, self._one_message = threading.Lock(), threading.RLock()
-        self._calling_thread: int | None = None
+        self._in_call = threading.local()  # a signal handler runs in the thread that it interrupts
         self._is_lost = False
         self._stop: StoppedError | None = None
         self.is_end_raised = False
@@ -128,15 +128,15 @@ class LoopClient:
         """
         self.owner.check()
         check_may_wait("loop process")
-        if self._calling_thread == threading.get_ident():
+        if getattr(self._in_call, "is_active", False):
             what, cure = "a signal handler must not use the rig during a request", "raise an exception in the handler"
             raise ConfigError(what, where="loop process", cure=cure)
-        with self._one_call, RequestSignals() as signals:
-            self._calling_thread = threading.get_ident()
-            try:
+        self._in_call.is_active = True  # before the lock: a handler that waited for it would wait for ever
+        try:
+            with self._one_call, RequestSignals() as signals:
                 reply = self._carried_out(pickled(request), signals, show)
-            finally:
-                self._calling_thread = None
+        finally:
+            self._in_call.is_active = False
         if (error := error_to_raise(reply, signals)) is not None:
             if isinstance(reply, Failure) and error is reply.error:
                 self.is_end_raised = isinstance(error, StoppedError | LoopProcessError)
