@@ -17,7 +17,7 @@ READY, ECHO, TAKEN, FREE = b"y", b"e", b"t", b"f"
 class GuardedDevice:
     """The device that the guardian switches off, with the values of its entry in the rig file.
 
-    Less than a tenth of `current_max_a` counts as no current.
+    A measured current up to a tenth of `current_max_a`, and up to 50 mA at most, counts as zero.
     """
 
     profile: str

@@ -1,4 +1,4 @@
-"""What a command prints about its publication hides no error of the run."""
+"""The error of a run is raised even if the counts of its publication cannot be printed."""
 
 import sys
 from pathlib import Path
