@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from smadrive.campaigns.execution.journal import Journal
-from smadrive.campaigns.execution.scheduling import Finished, error_text, naming_a_lost_scheduler, run_all
+from smadrive.campaigns.execution.scheduling import error_text, naming_a_lost_scheduler, run_all
 from smadrive.campaigns.experiments.references import typical_reference
-from smadrive.campaigns.experiments.run import logged_run
+from smadrive.campaigns.experiments.run import RunResult, logged_run
 from smadrive.campaigns.experiments.simulated_rig import check_disturbance
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.results.report import write_campaign_report
@@ -31,8 +31,18 @@ if TYPE_CHECKING:
 
 PAGE, LOGS = "report.html", "logs"
 
-Step = Callable[[str], None]
-"""A function that is called with the name of each step that follows the runs."""
+
+class CampaignProgress(Protocol):
+    """What a campaign reports while it is conducted."""
+
+    def finished(self, result: RunResult) -> None:
+        """Report a finished run."""
+
+    def begin(self, step: str, count: int) -> None:
+        """Report that a step begins, which follows the runs and has `count` parts."""
+
+    def advance(self) -> None:
+        """Report that a part of this step is finished."""
 
 
 class WorstLogs(NamedTuple):
@@ -72,46 +82,45 @@ def check_plan(plan: CampaignPlan) -> None:
 
 
 def conduct(
-    client: Client, plan: CampaignPlan, groups: list[list[int]], journal: Journal, finished: Finished, step: Step
+    client: Client, plan: CampaignPlan, groups: list[list[int]], journal: Journal, progress: CampaignProgress
 ) -> CampaignResult:
-    """Execute the runs in `groups`, and write table, logs of the worst runs, and page into the folder of the journal.
-
-    `finished` is called with each result, and `step` before each step after the runs.
-    """
-    run_all(client, plan, groups, journal, finished)
+    """Execute the runs in `groups`, and write table, worst logs and page into the folder of the journal."""
+    run_all(client, plan, groups, journal, progress.finished)
     table = results_table(plan, journal.results)
     table_file = journal.folder / RESULTS
     digest = write_table(table, table_file)
     write_table(effort_table(journal.results), journal.folder / EFFORT)
-    step("logs of the worst runs")
-    logs = write_worst_logs(client, plan, table, journal.folder / LOGS)
-    step("report")
+    numbers = worst_numbers(plan, table)
+    progress.begin("logs of the worst runs", len(numbers))
+    logs = write_worst_logs(client, plan, numbers, journal.folder / LOGS, progress.advance)
+    progress.begin("report", 1)
     write_campaign_report(journal.folder / PAGE, plan, table, digest, logs.files)
     return CampaignResult(table, table_file, digest, journal.folder / PAGE, logs, journal.not_final)
 
 
-def write_worst_logs(client: Client, plan: CampaignPlan, table: DataFrame, folder: Path) -> WorstLogs:
-    """Execute the worst tracking runs again, now with a log, and remove the logs of an earlier command.
+def write_worst_logs(
+    client: Client, plan: CampaignPlan, numbers: list[int], folder: Path, finished: Callable[[], None]
+) -> WorstLogs:
+    """Execute the runs `numbers` again, now with a log, and remove the logs of an earlier command.
 
-    A run depends on its settings alone, so its second execution equals the first one. Failed runs get no log. Without
-    tracking, no run gets one. An error is no error of the campaign, whose table is complete: it is the reason for a
-    missing log.
+    A run depends on its settings alone, so its second execution equals the first one. An error is no error of the
+    campaign, whose table is complete: it is the reason for a missing log. `finished` is called after each run.
     """
-    numbers = _worst_numbers(plan, table)
     reasons: dict[int, str] = {}
     try:
         _prepare(folder, bool(numbers))
         with naming_a_lost_scheduler():
             for number, future in _logged(client, plan, numbers):
                 reasons[number] = _written(future, _log_file(folder, number))
+                finished()
     except (DataError, TransportError) as error:
         reasons = {number: reasons.get(number, str(error)) for number in numbers}
     files = {number: _log_file(folder, number) for number in numbers if not reasons[number]}
     return WorstLogs(files, {number: reason for number, reason in reasons.items() if reason})
 
 
-def _worst_numbers(plan: CampaignPlan, table: DataFrame) -> list[int]:
-    """Return the numbers of the runs that get a log, the worst first."""
+def worst_numbers(plan: CampaignPlan, table: DataFrame) -> list[int]:
+    """Return the numbers of the runs that get a log, the worst first: no failed run, and none without tracking."""
     if plan.config.run.experiment != "track":
         return []
     ranked = worst_first(table[table["status"] != "failed"], plan.metric)

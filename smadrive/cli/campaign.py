@@ -96,7 +96,7 @@ def _conduct(
             output.warn(memory_caveats(threads, usable_memory_bytes()) if scheduler is None else ())
             output.say(f"dashboard: {client.dashboard_link}")
             with CampaignView(plan.count, len(journal.results), output) as view:
-                result = conduct(client, plan, groups, journal, view.finished, view.step)
+                result = conduct(client, plan, groups, journal, view)
     print_summary(output, plan, result)
     output.say(f"took {duration_text(view.elapsed_s)}")
     output.result(result_object(plan, result))
@@ -114,15 +114,16 @@ def _client(scheduler: str | None, workers: int | None) -> AbstractContextManage
 
 @contextmanager
 def _resumable(journal: Journal, count: int, command: str) -> Iterator[None]:
-    """Add a note to an error or interruption in the `with` block: the number of finished runs, and how to go on.
+    """Add a note to an error or interruption in the `with` block: what is finished, and how to go on.
 
-    `command` is the command that goes on with the remaining runs.
+    `command` is the command that goes on with the rest: the remaining runs, the logs and the report.
     """
     try:
         yield
     except BaseException as error:
         if done := len(journal.results) - journal.not_final:
-            error.add_note(f"{done} of {count} runs are done; go on with `{command}`")
+            finished = f"{done} of {count} runs are done" if done < count else "all runs are done, the report is not"
+            error.add_note(f"{finished}; go on with `{command}`")
         raise
 
 

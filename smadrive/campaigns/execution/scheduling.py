@@ -49,8 +49,6 @@ GROUPS_PER_THREAD = 2
 COUNTED_S = 1.0
 """Shortest time between two counts of the threads, s."""
 
-Finished = Callable[[RunResult], None]
-
 
 def groups_of(plan: CampaignPlan, done: set[int]) -> list[list[int]]:
     """Return the numbers of the runs that are not done, in groups. The runs of a group share one identification."""
@@ -63,7 +61,13 @@ def groups_of(plan: CampaignPlan, done: set[int]) -> list[list[int]]:
     return list(groups.values())
 
 
-def run_all(client: Client, plan: CampaignPlan, groups: list[list[int]], journal: Journal, finished: Finished) -> None:
+def run_all(
+    client: Client,
+    plan: CampaignPlan,
+    groups: list[list[int]],
+    journal: Journal,
+    finished: Callable[[RunResult], None],
+) -> None:
     """Execute the runs of `groups` on the cluster, and add each result to the journal.
 
     `finished` is called with each result. TransportError if the scheduler is lost.

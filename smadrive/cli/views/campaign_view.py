@@ -24,7 +24,7 @@ MOST_ROWS = 40
 
 
 class CampaignView:
-    """The progress bar of a campaign on stderr, if stderr is a terminal. A context manager.
+    """The progress bars of a campaign on stderr, if stderr is a terminal. A context manager.
 
     After the `with` block, `elapsed_s` is the duration of the block.
     """
@@ -38,7 +38,7 @@ class CampaignView:
         self._task = self._progress.add_task("runs", total=count, completed=done)
 
     def __enter__(self) -> Self:
-        """Show the bar."""
+        """Show the bar of the runs."""
         self._began_s = time.monotonic()
         self._progress.start()
         return self
@@ -46,7 +46,7 @@ class CampaignView:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Remove the bar."""
+        """Remove the bars."""
         self._progress.stop()
         self.elapsed_s = time.monotonic() - self._began_s
 
@@ -56,11 +56,15 @@ class CampaignView:
         wrong = "".join(f", {self._statuses[name]} {name}" for name in ("tripped", "failed") if self._statuses[name])
         self._progress.update(self._task, advance=1, description=f"runs{wrong}")
 
-    def step(self, name: str) -> None:
-        """Show a step after the runs. Without a bar, print its name."""
-        self._progress.update(self._task, description=name)
+    def begin(self, step: str, count: int) -> None:
+        """Show a bar for a step after the runs, which has `count` parts. Without bars, print its name."""
         if self._progress.disable:
-            self._output.say(name)
+            self._output.say(step)
+        self._task = self._progress.add_task(step, total=count)
+
+    def advance(self) -> None:
+        """Count a finished part of this step."""
+        self._progress.advance(self._task)
 
 
 def estimate_line(plan: CampaignPlan, done: int, estimate: CampaignEstimate, threads: int) -> str:

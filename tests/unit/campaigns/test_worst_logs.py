@@ -5,7 +5,7 @@ from distributed import Client, LocalCluster
 from exact_wire import exact_wire
 from marks import exhaustive
 
-from smadrive.campaigns.campaign import LOGS, conduct, write_worst_logs
+from smadrive.campaigns.campaign import LOGS, conduct, worst_numbers, write_worst_logs
 from smadrive.campaigns.execution.journal import Journal
 from smadrive.campaigns.execution.scheduling import groups_of
 from smadrive.campaigns.experiments.run import execute
@@ -30,20 +30,40 @@ def plan(short_campaign, tmp_path):
     return short_campaign(model="", vary=AXIS)
 
 
+class Recorded:
+    """The progress of a campaign as a list. `before_logs` is called before the logs of the worst runs."""
+
+    def __init__(self, before_logs):
+        self.events, self.before_logs = [], before_logs
+
+    def finished(self, result):
+        self.events.append("run")
+
+    def begin(self, step, count):
+        self.events.append(f"{step} {count}")
+        if "logs" in step:
+            self.before_logs()
+
+    def advance(self):
+        self.events.append("part")
+
+
+def spoil(folder, logs):
+    """Remove a model that two runs need, and leave files of an earlier command and of a user."""
+    (folder / "other.json").unlink()
+    logs.mkdir()
+    (logs / "run-17.h5").write_text("earlier")
+    (logs / "notes.txt").write_text("of the user")
+
+
 @pytest.mark.exhaustive
 def test_log_that_fails_is_a_reason_and_the_report_is_written(client, plan, tmp_path):
     """A log of an earlier command is removed: a run that was repeated may have changed the order of the worst runs."""
     logs = tmp_path / "folder" / LOGS
-
-    def step(name):
-        if "logs" in name:
-            (tmp_path / "other.json").unlink()
-            logs.mkdir()
-            (logs / "run-17.h5").write_text("earlier")
-            (logs / "notes.txt").write_text("of the user")
-
+    progress = Recorded(lambda: spoil(tmp_path, logs))
     with Journal(tmp_path / "folder", plan, resume=False) as journal:
-        result = conduct(client, plan, groups_of(plan, set()), journal, lambda _result: None, step)
+        result = conduct(client, plan, groups_of(plan, set()), journal, progress)
+    assert progress.events == ["run"] * 4 + ["logs of the worst runs 4"] + ["part"] * 4 + ["report 1"]
     assert set(result.table["status"]) == {"done"}
     assert set(result.logs.missing) == {1, 3}
     assert all("other.json" in reason for reason in result.logs.missing.values())
@@ -60,7 +80,7 @@ def test_error_that_stops_all_logs_is_the_reason_of_each(client, plan, tmp_path,
         client.close()
     else:
         (tmp_path / LOGS).write_text("a file")
-    logs = write_worst_logs(client, plan, table, tmp_path / LOGS)
+    logs = write_worst_logs(client, plan, worst_numbers(plan, table), tmp_path / LOGS, lambda: None)
     assert sorted(logs.missing) == [0, 1, 2, 3]
     assert all(logs.missing.values())
     assert logs.files == {}
