@@ -26,14 +26,23 @@ _CLOSE = 1e-10  # of the scale: closer than this the output counts as reached
 
 
 class Inversion(NamedTuple):
-    """The input `v` to command, and the output `y` at this input.
+    """The state that the wire reaches: with the input `v` to command, and the output `y` at this input.
 
     `reachable` is True if y is equal to the setpoint, up to rounding.
     """
 
-    v: float
-    y: float
+    state: HysteresisState
     reachable: bool
+
+    @property
+    def v(self) -> float:
+        """The input to command."""
+        return self.state.v
+
+    @property
+    def y(self) -> float:
+        """The output at this input."""
+        return self.state.y
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +61,7 @@ class InverseFeedforward:
         self.model = model
 
     def update(self, state: HysteresisState, y_setpoint: float) -> Inversion:
-        """Return the input that takes the wire from `state` to the output `y_setpoint`, and the output at this input.
+        """Return the input that takes the wire from `state` to the output `y_setpoint`, and the state at this input.
 
         For an unreachable setpoint this input is the end of the range, and `reachable` is False. Raises DataError for a
         setpoint that is not finite.
@@ -62,9 +71,9 @@ class InverseFeedforward:
         model = self.model
         w1 = (float(y_setpoint) - model.offset) / model.scale
         if abs(w1 - state.w) <= _CLOSE:
-            return Inversion(state.v, state.y, True)
-        v, w = model.reach(state, w1)
-        return Inversion(v, model.offset + model.scale * w, abs(w - w1) <= 10 * _CLOSE)
+            return Inversion(state, True)
+        reached = model.reach(state, w1)
+        return Inversion(reached, abs(reached.w - w1) <= 10 * _CLOSE)
 
     def trajectory(self, y_ref: ArrayLike, v0: float, y0: float | None = None) -> InverseTrajectory:
         """Return the inputs that take the wire along a reference path of outputs, `y_ref` (samples,).
@@ -78,8 +87,7 @@ class InverseFeedforward:
         state = self.model.initial_state(v0, y0)
         inversions = []
         for y in setpoints.tolist():
-            inversion = self.update(state, y)
-            state = self.model.step(state, inversion.v)
-            inversions.append(inversion)
-        v, y_reached, reachable = zip(*inversions, strict=True)
+            inversions.append(self.update(state, y))
+            state = inversions[-1].state
+        v, y_reached, reachable = zip(*((one.v, one.y, one.reachable) for one in inversions), strict=True)
         return InverseTrajectory(np.array(v), np.array(y_reached), np.array(reachable))

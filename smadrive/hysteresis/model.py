@@ -73,11 +73,11 @@ class HysteresisModel(ABC):
         """Return dw/dv at the inputs `v` on the heating branch if `rising`, otherwise on the cooling branch."""
 
     @abstractmethod
-    def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
-        """Return the input that takes the wire from `state` to the state w, and the state at this input.
+    def reach(self, state: HysteresisState, w: float) -> HysteresisState:
+        """Return the state with the normalised state w that the wire reaches from `state`, at the input of this state.
 
-        The input moves in one direction only. If no input of the range leads to w, the result is the end of the range,
-        and the state at this end.
+        The input moves in one direction only. If no input of the range leads to w, the result is the state at the end
+        of the range.
         """
 
     @abstractmethod

@@ -126,7 +126,7 @@ class GainTable:
         more_c = evidence.level * min(max(read_c, -self._most_c), self._most_c)
         more = evidence.level * min(max(phase_error, min(-most, repeated)), max(most, repeated))
         innovation = read_c, phase_error, more_c, more
-        place = min(log(noise / self._noise) / log(NOISE_STEP), self._last)
+        place = min(log(noise / self._noise, NOISE_STEP), self._last) if noise > self._noise else 0.0
         level = int(place)
         below = self._correction(level, slope, innovation)
         if place == level:

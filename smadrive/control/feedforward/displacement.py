@@ -168,10 +168,9 @@ class HysteresisInverse:
     def _reach(self, state: HysteresisState, setpoint_mm: float) -> TemperatureTarget:
         """Return the temperature at which the wire reaches the setpoint."""
         inversion = self._inverse.update(state, setpoint_mm)
-        reached = self._model.step(state, inversion.v)
-        slope = self._model.slope(reached, 1 if inversion.v >= state.v else -1)
+        slope = self._model.slope(inversion.state, 1 if inversion.v >= state.v else -1)
         k_per_mm = self._k_per_mm(slope / self._travel_mm) if inversion.reachable else 0.0
-        return TemperatureTarget(inversion.v, k_per_mm, reached.y, inversion.reachable)
+        return TemperatureTarget(inversion.v, k_per_mm, inversion.y, inversion.reachable)
 
     def _k_per_mm(self, per_k: float) -> float:
         """Return the derivative of the temperature with respect to the displacement, K/mm.
@@ -190,12 +189,12 @@ class HysteresisInverse:
         if not COLD_END < phase < 1.0 - COLD_END:
             waiting_c = self._waiting_c(state, direction, is_cold=phase < 0.5)
             return TemperatureTarget(waiting_c, 0.0, state.y, reachable=False)
-        ready_c = self._inverse.update(state, state.y + direction * READY * self._travel_mm).v
-        per_k = self._model.slope(self._model.step(state, ready_c), direction) / self._travel_mm
+        ready = self._inverse.update(state, state.y + direction * READY * self._travel_mm)
+        per_k = self._model.slope(ready.state, direction) / self._travel_mm
         back_k = READY / per_k if per_k * WAITING_RANGE_C > READY else 0.0
         if lead >= per_k * WAITING_RANGE_C:
-            return TemperatureTarget(ready_c - direction * (back_k + WAITING_RANGE_C), 0.0, setpoint_mm)
-        target_c = ready_c - direction * (back_k + lead / per_k)
+            return TemperatureTarget(ready.v - direction * (back_k + WAITING_RANGE_C), 0.0, setpoint_mm)
+        target_c = ready.v - direction * (back_k + lead / per_k)
         return TemperatureTarget(target_c, self._k_per_mm(per_k), setpoint_mm)
 
     def _waiting_c(self, state: HysteresisState, direction: int, *, is_cold: bool) -> float:

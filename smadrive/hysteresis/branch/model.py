@@ -65,17 +65,17 @@ class BranchModel(HysteresisModel):
     def _trajectory(self, v: FloatArray, start: HysteresisState, out: FloatArray) -> None:
         self.engine.trajectory(v, start.w, out)
 
-    def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
-        """Return the input that takes the wire from `state` to the state w, and the state at this input.
+    def reach(self, state: HysteresisState, w: float) -> HysteresisState:
+        """Return the state with the normalised state w that the wire reaches from `state`, at the input of this state.
 
-        The input moves in one direction only. If no input of the range leads to w, the result is the end of the range,
-        and the state at this end.
+        The input moves in one direction only. If no input of the range leads to w, the result is the state at the end
+        of the range.
         """
         rising = w > state.w
         section = self.engine.section(state.w, state.v, rising)
         near, far = self.engine.clamp(state.v), self.engine.upper if rising else self.engine.lower
         if near == far:
-            return near, state.w
+            return self._between(near, state.w)
         a, b = self.engine.local_law(near, rising=rising)
         guess = first_guess(a, a * state.w + b, w - state.w, near, far)
-        return find_input(section, w, near, far, guess, rising=rising)
+        return self._between(*find_input(section, w, near, far, guess, rising=rising))

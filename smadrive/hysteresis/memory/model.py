@@ -191,17 +191,17 @@ class TSFuzzyPreisach(HysteresisModel):
             rules = min(max((target - self.share * relays) / self._rest, 0.0), 1.0)
         return self._state(v, Memory(rules, relays, turns, dropped))
 
-    def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
-        """Return the input that takes the wire from `state` to the state w, and the state at this input.
+    def reach(self, state: HysteresisState, w: float) -> HysteresisState:
+        """Return the state with the normalised state w that the wire reaches from `state`, at the input of this state.
 
-        The input moves in one direction only. If no input of the range leads to w, the result is the end of the range,
-        and the state at this end.
+        The input moves in one direction only. If no input of the range leads to w, the result is the state at the end
+        of the range.
         """
         memory, v, before = _memory(state), self._engine.clamp(state.v), state.w
         rising = w > before
         far = self.input_range[1 if rising else 0]
         if v == far:
-            return v, before
+            return self._moved(state, v)
         turns = memory.turns if rising == memory.rising else reversed_at(memory.turns, v)
         x, plane = memory.local, memory.plane
         local = self._engine.section(x, v, rising)
@@ -216,7 +216,7 @@ class TSFuzzyPreisach(HysteresisModel):
                 break
             plane += self.plane.change(v, end, turn, rising)
             x, v = local(end)[0], end
-        return found, before
+        return self._moved(state, found)
 
     def _section(self, local: Section, plane: float, turn: float, start: float, rising: bool) -> Section:
         """Return the function that gives w and dw/dv at an input of the section that began at `turn`.

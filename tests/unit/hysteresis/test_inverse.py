@@ -36,7 +36,7 @@ def test_unreachable_setpoint_gives_the_end_of_the_range(model):
 
 def test_setpoint_at_the_present_output_needs_no_move(model):
     state = model.initial_state(0.5 * sum(model.input_range))
-    assert InverseFeedforward(model).update(state, state.y) == (state.v, state.y, True)
+    assert InverseFeedforward(model).update(state, state.y) == (state, True)
 
 
 def test_state_outside_the_range_is_brought_back(model):
