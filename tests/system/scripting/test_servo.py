@@ -8,6 +8,7 @@ from itertools import count, pairwise
 
 import numpy as np
 import pytest
+from marks import exhaustive
 from signal_injection import InterruptedLine
 
 import smadrive
@@ -288,13 +289,16 @@ def test_servo_by_resistance_needs_the_resistance_of_the_wire(blind, wire, tmp_p
     assert refused.value.where == "displacement_from"
 
 
-def test_servo_whose_creation_is_interrupted_at_any_line_can_be_stopped(wire, tmp_path):
+@pytest.mark.parametrize("lines", [exhaustive(1), 7])
+def test_servo_whose_creation_is_interrupted_at_any_line_can_be_stopped(wire, tmp_path, lines):
+    """An interruption at every line, or at every seventh one."""
+
     def interrupt():
         signal.raise_signal(signal.SIGINT)
 
     rig = smadrive.open_rig("in-process")
     try:
-        for at in count():
+        for at in count(step=lines):
             with InterruptedLine(at, open_rig, servo_module, threading, interrupt=interrupt) as interrupted:
                 rig.servo(wire, tmp_path / f"{at}.h5")
             rig._stop_servo()
