@@ -23,8 +23,12 @@ from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.residuals import samples_per_independent
 from smadrive.wire.heat_balance import HeatBalance
 
-CORRECTION_BAND_HZ = 0.05
-"""The estimate of the wire temperature follows the thermocouple below this frequency, the heat balance above it."""
+CORRECTION_BAND_HZ = 0.2
+"""The estimate of the wire temperature follows the thermocouple below this frequency, the heat balance above it.
+
+The errors of the heat balance repeat with the loops of an excitation, whose frequencies are 0.05 to 0.1 Hz. The
+hysteresis model would take them for a property of the wire.
+"""
 
 MIN_CURRENT_FRACTION = 0.2
 """The resistance is fitted to samples with more than this fraction of the largest current; others are mostly noise."""
@@ -243,6 +247,12 @@ def _fit_resistance(record: ExcitationRecord, phase: FloatArray) -> tuple[dict[s
 
 
 def _wire_temperature(samples: _Samples, balance: HeatBalance) -> FloatArray:
+    """Return the wire temperature: simulated, and corrected by the slow part of the error of the reading.
+
+    The correction is advanced by the lag of the thermocouple.
+    """
     wire, reading = _simulate(samples, _thermal_parameters(balance))
-    low_pass = scipy.signal.butter(2, CORRECTION_BAND_HZ, fs=1.0 / samples.dt_s, output="sos")
-    return wire + np.asarray(scipy.signal.sosfiltfilt(low_pass, samples.reading_c - reading))
+    rate_hz = 1.0 / samples.dt_s
+    low_pass = scipy.signal.butter(2, min(CORRECTION_BAND_HZ, 0.1 * rate_hz), fs=rate_hz, output="sos")
+    slow_c = np.asarray(scipy.signal.sosfiltfilt(low_pass, samples.reading_c - reading))
+    return wire + slow_c + balance.thermocouple_lag_s * np.gradient(slow_c, samples.dt_s)

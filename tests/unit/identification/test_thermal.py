@@ -94,6 +94,15 @@ def test_wire_temperature_is_free_of_lag_and_noise(record):
     assert np.sqrt(np.mean((measured.temperature_c - truth)[200:] ** 2)) > 0.5  # what it would be without the fit
 
 
+def test_leads_hardly_change_the_wire_temperature(record):
+    """The voltage of two-wire sensing includes the leads, so the power is wrong, and differently in each phase."""
+    measured, truth = record
+    leads = dataclasses.replace(measured, voltage_v=measured.voltage_v + 0.05 * 16.5 * measured.current_a)
+    error_c = (identify_thermal(leads, NOMINAL).wire_temperature_c - truth)[200:-20]
+    slow_c = np.convolve(error_c, np.full(20, 1 / 20), mode="valid")  # over 1 s: the noise of the sensors averages out
+    assert np.sqrt(np.mean(slow_c**2)) < 0.04
+
+
 def test_jitter_of_the_clock_does_not_change_the_fit(record):
     measured, _ = record
     jitter = np.random.default_rng(5).uniform(-0.4, 0.4, measured.time_s.size) * DT_S
