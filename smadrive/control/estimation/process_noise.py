@@ -30,10 +30,14 @@ class ProcessNoises(NamedTuple):
     disturbed: ProcessNoise
 
 
-PRECISE = ProcessNoises(ProcessNoise(0.015, 0.2, 0.05, 0.003), ProcessNoise(0.1, 20.0, 3.0, 0.003))
-"""The process noise for a precise displacement, as of a sensor."""
+PRECISE = ProcessNoises(ProcessNoise(0.015, 0.1, 0.05, 0.003), ProcessNoise(0.1, 20.0, 3.0, 0.003))
+"""The process noise without a displacement, and for a precise displacement, as of a sensor.
 
-NOISY = ProcessNoises(PRECISE.calm._replace(phase=0.001), PRECISE.disturbed._replace(phase=0.03))
+The drift in calm air is a compromise: with less of it, the estimate has less noise, but follows a change of the ambient
+temperature later.
+"""
+
+NOISY = ProcessNoises(ProcessNoise(0.015, 0.05, 0.02, 0.0005), PRECISE.disturbed._replace(phase=0.03))
 """The process noise for a noisy displacement, as that by the resistance.
 
 In calm air the filter averages it over seconds, and model errors cancel in part. In a disturbance the phase may be
