@@ -142,15 +142,7 @@ def _uniform(record: ExcitationRecord, phase: FloatArray) -> tuple[FloatArray, _
 
 
 def _thermal_parameters(balance: HeatBalance) -> FloatArray:
-    return np.array(
-        [
-            balance.heat_capacity_j_per_k,
-            balance.loss_w_per_k,
-            balance.latent_heat_j,
-            balance.ambient_c,
-            balance.thermocouple_lag_s,
-        ]
-    )
+    return np.array([getattr(balance, name) for name in NAMES])
 
 
 def _simulate(samples: _Samples, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
