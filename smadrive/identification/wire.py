@@ -23,7 +23,7 @@ from smadrive.identification.memory.candidates import check_memory
 from smadrive.identification.memory.fit import MemoryFit, identify_memory
 from smadrive.identification.quality.metrics import Fit
 from smadrive.identification.resistance_fit.fit import ResistanceFit, identify_resistance
-from smadrive.identification.thermal import ThermalFit, identify_thermal
+from smadrive.identification.thermal_fit.fit import ThermalFit, identify_thermal
 from smadrive.identification.tsfuzzy.fit import FUZZY_SETS
 from smadrive.numerics.scalars import whole_number
 from smadrive.wire.heat_balance import HeatBalance

@@ -16,7 +16,7 @@ from smadrive.files.kinds import LOG, TABLE
 from smadrive.files.spelling import suggestion
 from smadrive.identification.column_units import swap_caveats, time_caveats, unit_caveats
 from smadrive.identification.resistance_fit.fit import ResistanceFit
-from smadrive.identification.thermal import ThermalFit
+from smadrive.identification.thermal_fit.fit import ThermalFit
 from smadrive.identification.wire import AnyFit, FitSettings, identify_hysteresis, identify_wire
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.metrics.caveats import run_caveats

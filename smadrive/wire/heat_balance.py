@@ -38,12 +38,16 @@ the loop: then one lost reply of a sensor that is read in every period does not 
 
 RESISTANCE_CHANGE = "heat balance: resistance_change"
 
+NOISE_C = 0.1
+"""Typical standard deviation of the noise of a thermocouple, K."""
+
 
 @dataclass(frozen=True, slots=True)
 class HeatBalance:
     """Parameters of the heat balance at the head of this file, their source, and the equations as methods.
 
-    Raises ModelError for a parameter that is out of its range or not finite.
+    `thermocouple_noise_c` is the standard deviation of the noise of the thermocouple, K. Raises ModelError for a
+    parameter that is out of its range or not finite.
     """
 
     heat_capacity_j_per_k: float
@@ -54,10 +58,11 @@ class HeatBalance:
     resistance_change: float
     thermocouple_lag_s: float
     source: BalanceSource = BalanceSource.IDENTIFIED
+    thermocouple_noise_c: float = NOISE_C
 
     def __post_init__(self) -> None:
         """Raise ModelError for a parameter that is not finite or out of its range."""
-        for name in ("heat_capacity_j_per_k", "loss_w_per_k", "resistance_cold_ohm"):
+        for name in ("heat_capacity_j_per_k", "loss_w_per_k", "resistance_cold_ohm", "thermocouple_noise_c"):
             value = getattr(self, name)
             if not value > 0:
                 raise ModelError("not positive", where=f"heat balance: {name}", value=value)
@@ -83,6 +88,10 @@ class HeatBalance:
         `period_s` is the period of the loop.
         """
         return max(FRESH * self.time_constant_s, FRESH_PERIODS * period_s)
+
+    def noise_c(self, given_c: float | None) -> float:
+        """Return the standard deviation of the noise of the thermocouple, K: `given_c` unless it is None."""
+        return self.thermocouple_noise_c if given_c is None else given_c
 
     def resistance_ohm(self, phase: float) -> float:
         """Return the resistance R(ξ) at the phase ξ, Ω."""

@@ -27,6 +27,9 @@ from smadrive.wire.wire_model import WireModel, travel_mm
 
 _SECTION_KEYS = ("turning_points_c", "ends_c")
 
+ADDED = ("thermocouple_noise_c",)
+"""Parameters of the heat balance that the files of older versions lack."""
+
 METRICS = ("rms_percent", "max_percent")
 """The names of the errors of a fit."""
 
@@ -180,7 +183,8 @@ def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:
     if unknown:
         raise ModelError("unknown key", where=f"{parameters.place}: {unknown[0]}", cure="identify the wire again")
     try:
-        return HeatBalance(**{name: parameters.number(name) for name in PARAMETERS}, source=_source(parameters))
+        names = [name for name in PARAMETERS if name in parameters.document or name not in ADDED]
+        return HeatBalance(**{name: parameters.number(name) for name in names}, source=_source(parameters))
     except ModelError as error:
         if not error.where.startswith(place):
             error.where = f"{place}: {error.where}"

@@ -10,7 +10,7 @@ from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.resistance_view import resistance_rows, resistance_sentences
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
 from smadrive.identification.memory.fit import MemoryFit
-from smadrive.identification.thermal import ThermalFit
+from smadrive.identification.thermal_fit.fit import ThermalFit
 from smadrive.identification.wire import AnyFit
 from smadrive.runs.record_fit import RecordFit
 
@@ -106,7 +106,7 @@ def _yes(holds: bool) -> str:
 def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:
     """Return a row for each parameter of the heat balance: name, value, and half of its 95 % confidence interval.
 
-    The time constant has no interval, because it follows from heat capacity and loss.
+    The time constant has no interval, because it follows from heat capacity and loss, and the noise has none.
     """
     balance, within = thermal.balance, {name: f"±{100 * value:.1f} %" for name, value in thermal.within.items()}
     return [
@@ -117,4 +117,5 @@ def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:
         ("resistance", f"{balance.resistance_cold_ohm:.2f} Ω", within["resistance_cold_ohm"]),
         ("change of the resistance when hot", f"{100 * balance.resistance_change:+.1f} %", within["resistance_change"]),
         ("thermocouple lag", f"{1e3 * balance.thermocouple_lag_s:.0f} ms", within["thermocouple_lag_s"]),
+        ("thermocouple noise", f"{balance.thermocouple_noise_c:.2g} K", ""),
     ]

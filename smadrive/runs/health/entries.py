@@ -15,7 +15,7 @@ from smadrive.hysteresis.reversal import turning_points
 from smadrive.identification.adaptation.adaptation import ADAPTED
 from smadrive.identification.loop_drift import UNKNOWN, LoopDrift, fit_loop_drift, wire_temperature_c
 from smadrive.identification.reshape import shape_of
-from smadrive.identification.thermal import SYSTEMATIC
+from smadrive.identification.thermal_fit.fit import SYSTEMATIC
 from smadrive.numerics.arrays import FloatArray
 from smadrive.rig.config import RigConfig
 from smadrive.runs.health.rest_resistance import HeatedSamples, RestResistance, rest_resistance
@@ -145,7 +145,7 @@ def _drift(log: Log, wire: WireModel, config: RigConfig) -> LoopDrift:
     if len(time_s) < 2:
         return UNKNOWN
     wire_c = wire_temperature_c(time_s, reading_c, wire.balance.thermocouple_lag_s)
-    return fit_loop_drift(wire.model, wire_c, displacement_mm, config.feedback.noise_c)
+    return fit_loop_drift(wire.model, wire_c, displacement_mm, wire.balance.noise_c(config.feedback.noise_c))
 
 
 def _measured_rest(log: Log, wire: WireModel, config: RigConfig) -> RestResistance:

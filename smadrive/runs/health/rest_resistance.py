@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from smadrive.identification.thermal import SYSTEMATIC
+from smadrive.identification.thermal_fit.fit import SYSTEMATIC
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.residuals import samples_per_independent
 from smadrive.safety.resistance_band import BLOCK_S, LEAST_SAMPLES

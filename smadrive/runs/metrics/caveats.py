@@ -38,9 +38,10 @@ def run_caveats(log: Log) -> tuple[str, ...]:
 
 
 def _noise_caveats(log: Log) -> tuple[str, ...]:
-    if "rig" not in log.metadata:
+    if "rig" not in log.metadata or "wire" not in log.metadata:
         return ()
-    return noise_caveats(log.column_with_gaps("temperature_c"), rig_config_of(log).feedback.noise_c)
+    balance = wire_of(log).wire_model(nominal_balance(log)).balance
+    return noise_caveats(log.column_with_gaps("temperature_c"), balance.noise_c(rig_config_of(log).feedback.noise_c))
 
 
 def _resistance_caveats(log: Log) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The noise of a thermocouple in its readings, compared with the `noise_c` of the rig file.
+"""The noise of a thermocouple in its readings, compared with the noise that the controller has expected.
 
 The third difference of the readings removes the motion of the wire. The median of its absolute values is robust against
 spikes and reversals.
@@ -15,16 +15,18 @@ LEAST_SAMPLES = 100
 """The noise of fewer samples is unknown."""
 
 TOO_NOISY = 2.0
-"""A noise above this multiple of `noise_c` is a caveat: without a sensor, the controller then reverses at the noise."""
+"""A noise above this multiple of the expected one is a caveat: without a sensor, the controller reverses at the noise.
+"""
 
 
-def noise_caveats(reading_c: FloatArray, given_c: float) -> tuple[str, ...]:
-    """Return a caveat if the reading has much more noise than the `noise_c` of the rig file, K, otherwise nothing."""
+def noise_caveats(reading_c: FloatArray, expected_c: float) -> tuple[str, ...]:
+    """Return a caveat if the reading has much more noise than `expected_c`, K, otherwise nothing."""
     noise_c = measured_noise_c(reading_c)
-    if not noise_c > TOO_NOISY * given_c:
+    if not noise_c > TOO_NOISY * expected_c:
         return ()
-    what = f"the noise of the thermocouple is {noise_c:.2g} K, and noise_c in the rig file is {given_c:g} K"
-    return (f"{what}: set noise_c = {noise_c:.2g} in [feedback], or shield the thermocouple",)
+    what = f"the noise of the thermocouple is {noise_c:.2g} K, and the controller expected {expected_c:.2g} K"
+    cure = f"shield the thermocouple, identify the wire again, or set noise_c = {noise_c:.2g} in [feedback]"
+    return (f"{what}: {cure}",)
 
 
 def measured_noise_c(reading_c: FloatArray) -> float:

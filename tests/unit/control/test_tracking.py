@@ -35,8 +35,8 @@ def loop(shift_k=0.0, width=5.0):
 class Bench:
     """A wire with noisy sensors; a command acts one period after the measurement that it answers."""
 
-    def __init__(self, wire, sensor):
-        self.wire, self.sensor = wire, sensor
+    def __init__(self, wire, sensor, noise_c=0.1):
+        self.wire, self.sensor, self.noise_c = wire, sensor, noise_c
         self.state = WireState(22.0, wire.model.initial_state(22.0))
         self.reading_c, self.time_s = 22.0, 0.0
         self.in_force_a = self.sent_a = 0.0
@@ -45,7 +45,7 @@ class Bench:
     def measurement(self):
         seen_mm = self.state.hysteresis.y + self.noise.normal(0, 0.012) if self.sensor else nan
         ohm = self.wire.balance.resistance_ohm(self.state.hysteresis.w)
-        reading_c = self.reading_c + self.noise.normal(0, 0.1)
+        reading_c = self.reading_c + self.noise.normal(0, self.noise_c)
         return Measurement(
             self.time_s, reading_c, self.in_force_a, self.in_force_a * ohm, seen_mm, in_force_a=self.in_force_a
         )
@@ -193,3 +193,15 @@ def test_current_is_zero_until_the_first_reading_of_the_temperature():
     assert first.state is None
     assert first.update(DT_S, bench.measurement(), DT_S).power_w >= 0.0
     assert first.state is not None
+
+
+@pytest.mark.parametrize(("expected_c", "given_c"), [(0.4, None), (0.1, 0.4)])
+def test_noise_of_the_thermocouple_is_that_of_the_record_unless_the_rig_gives_it(expected_c, given_c):
+    """A wire that expects too little noise takes it for reversals, and is wrong by 5 %."""
+    reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1.0).with_approach(0.0, 10.0)
+    bench = Bench(WireModel(loop(), BALANCE), sensor=False, noise_c=0.4)
+    balance = dataclasses.replace(BALANCE, thermocouple_noise_c=expected_c)
+    settings = dataclasses.replace(SETTINGS, noise_c=given_c)
+    rows = bench.run(controller(reference, loop(), balance, settings), 66.0)
+    error_mm = (rows[:, 1] - rows[:, 2])[rows[:, 0] > 10.0]
+    assert np.sqrt(np.mean(error_mm**2)) < 0.01 * 12.0

@@ -5,8 +5,8 @@ scaled to its span). With P(t) and w(t) given, the heat balance is linear,
 
     m c dT/dt = P - Q dw/dt - h A (T - T_a),     lag dT_tc/dt = T - T_tc,
 
-with the wire temperature T, heat capacity m c, latent heat Q, heat loss h A and ambient temperature T_a. So two
-first-order filters simulate the reading exactly. The fit finds the parameters (m c, h A, Q, T_a, lag) with the smallest
+with the wire temperature T, heat capacity m c, latent heat Q, heat loss h A and ambient temperature T_a. So the reading
+can be simulated exactly (simulation.py). The fit finds the parameters (m c, h A, Q, T_a, lag) with the smallest
 error of the reading, and never differentiates a noisy signal. A separate linear fit of U/I gives the resistance R(w).
 """
 
@@ -19,34 +19,23 @@ import scipy
 
 from smadrive.errors import IdentificationError
 from smadrive.identification.excitation import ExcitationRecord
+from smadrive.identification.thermal_fit.simulation import NAMES, Samples, parameters_of, simulate, wire_temperature_c
 from smadrive.numerics.arrays import FloatArray
-from smadrive.numerics.residuals import samples_per_independent
+from smadrive.numerics.residuals import noise_deviation, samples_per_independent
 from smadrive.wire.heat_balance import HeatBalance
-
-CORRECTION_BAND_HZ = 0.2
-"""The estimate of the wire temperature follows the thermocouple below this frequency, the heat balance above it.
-
-The errors of the heat balance repeat with the loops of an excitation, whose frequencies are 0.05 to 0.1 Hz. The
-hysteresis model would take them for a property of the wire.
-"""
 
 MIN_CURRENT_FRACTION = 0.2
 """The resistance is fitted to samples with more than this fraction of the largest current; others are mostly noise."""
 
-NAMES = {
-    "heat_capacity_j_per_k": "heat capacity m c",
-    "loss_w_per_k": "loss h A",
-    "latent_heat_j": "latent heat Q",
-    "ambient_c": "ambient temperature",
-    "thermocouple_lag_s": "thermocouple lag",
-}
-"""The parameters of the fit in their order, with their names in messages."""
 FIT = "thermal fit"
 """The attribute `where` of the errors that this file raises."""
 
 MIN_SAMPLES, MIN_HEATED_SAMPLES = 200, 20
 MOVES = 8.0
 """Smallest span of the displacement of a moving wire, in standard deviations of its steps. White noise spans 3.6."""
+
+LEAST_NOISE_C = 0.02
+"""The noise of the thermocouple counts as at least this, K."""
 
 SYSTEMATIC = 0.005
 """Relative systematic error of the fit, from the sampling and the lumped model; found on simulated wires."""
@@ -69,16 +58,6 @@ class ThermalFit:
     within: dict[str, float]
 
 
-@dataclass(frozen=True)
-class _Samples:
-    """The excitation on a uniform time grid."""
-
-    dt_s: float
-    power_w: FloatArray
-    reading_c: FloatArray
-    phase: FloatArray
-
-
 def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit:
     """Fit the heat balance to one recorded excitation.
 
@@ -90,15 +69,11 @@ def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit
     phase = _phase(record.displacement_mm, record.temperature_c)
     grid, samples = _uniform(record, phase)
     balance, within = _fit_balance(samples, start)
-    resistance, within_resistance = _fit_resistance(record, phase)
-    balance = replace(
-        balance,
-        resistance_cold_ohm=resistance["resistance_cold_ohm"],
-        resistance_change=resistance["resistance_change"],
-    )
-    within |= within_resistance
+    balance, within_resistance = _fit_resistance(record, phase, balance)
+    noise_c = max(noise_deviation(record.temperature_c, order=3), LEAST_NOISE_C)
+    balance, within = replace(balance, thermocouple_noise_c=noise_c), within | within_resistance
     _check_intervals(within)
-    wire = _wire_temperature(samples, balance)
+    wire = wire_temperature_c(samples, balance)
     return ThermalFit(balance, np.interp(record.time_s, grid, wire), within)
 
 
@@ -129,7 +104,7 @@ def _phase(displacement: FloatArray, reading: FloatArray) -> FloatArray:
     return phase if rising else 1.0 - phase
 
 
-def _uniform(record: ExcitationRecord, phase: FloatArray) -> tuple[FloatArray, _Samples]:
+def _uniform(record: ExcitationRecord, phase: FloatArray) -> tuple[FloatArray, Samples]:
     """Return a time grid, and the samples interpolated to it. The power follows from the interpolated energy."""
     time = record.time_s
     dt_s = float(np.median(np.diff(time)))
@@ -137,39 +112,8 @@ def _uniform(record: ExcitationRecord, phase: FloatArray) -> tuple[FloatArray, _
     power = record.current_a * record.voltage_v
     energy = np.concatenate(([0.0], np.cumsum(power[1:] * np.diff(time))))
     mean_power = np.diff(np.interp(grid, time, energy), prepend=0.0) / dt_s
-    samples = _Samples(dt_s, mean_power, np.interp(grid, time, record.temperature_c), np.interp(grid, time, phase))
+    samples = Samples(dt_s, mean_power, np.interp(grid, time, record.temperature_c), np.interp(grid, time, phase))
     return grid, samples
-
-
-def _thermal_parameters(balance: HeatBalance) -> FloatArray:
-    return np.array([getattr(balance, name) for name in NAMES])
-
-
-def _simulate(samples: _Samples, parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return wire temperature and reading for the parameters (m c, h A, Q, T_a, lag).
-
-    The power of a sample belongs to the period before the sample; the phase is linear over each period.
-    """
-    capacity, loss, latent, ambient, lag = parameters
-    net_w = samples.power_w[1:] - latent * np.diff(samples.phase) / samples.dt_s
-    wire = ambient + _first_order(net_w / loss, capacity / loss, samples.dt_s, samples.reading_c[0] - ambient)
-    return wire, _lagged(wire, lag, samples.dt_s, samples.reading_c[0])
-
-
-def _first_order(target: FloatArray, time_constant_s: float, dt_s: float, start: float) -> FloatArray:
-    """Solve dx/dt = (target - x)/τ for a target that is constant over each period, from x = `start`."""
-    decay = np.exp(-dt_s / time_constant_s)
-    tail, _ = scipy.signal.lfilter([1.0 - decay], [1.0, -decay], target, zi=[decay * start])
-    return np.concatenate(([start], tail))
-
-
-def _lagged(wire: FloatArray, lag_s: float, dt_s: float, start: float) -> FloatArray:
-    """Return the reading of a thermocouple with a first-order lag, for a piecewise linear wire temperature."""
-    decay = np.exp(-dt_s / lag_s)
-    gain = 1.0 - (1.0 - decay) * lag_s / dt_s
-    driven = (1.0 - decay - gain) * wire[:-1] + gain * wire[1:]
-    tail, _ = scipy.signal.lfilter([1.0], [1.0, -decay], driven, zi=[decay * start])
-    return np.concatenate(([start], tail))
 
 
 def _check_intervals(within: dict[str, float]) -> None:
@@ -191,8 +135,8 @@ def _intervals(jacobian: FloatArray, residual: FloatArray) -> FloatArray:
     return np.asarray(1.96 * np.sqrt(variance * np.diag(np.linalg.pinv(jacobian.T @ jacobian))), dtype=np.float64)
 
 
-def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, dict[str, float]]:
-    nominal = _thermal_parameters(start)
+def _fit_balance(samples: Samples, start: HeatBalance) -> tuple[HeatBalance, dict[str, float]]:
+    nominal = parameters_of(start)
     nominal[[2, 4]] = np.maximum(nominal[[2, 4]], [1e-3 * start.heat_capacity_j_per_k, samples.dt_s])
     positive = np.array([True, True, True, False, True])
 
@@ -200,7 +144,7 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, di
         return np.where(positive, nominal * np.exp(np.where(positive, x, 0.0)), nominal + 10.0 * x)
 
     def residual(x: FloatArray) -> FloatArray:
-        return _simulate(samples, parameters(x))[1] - samples.reading_c
+        return simulate(samples, parameters(x))[1] - samples.reading_c
 
     bound = np.log(5.0)
     fit = scipy.optimize.least_squares(
@@ -220,8 +164,13 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, di
     return found, dict(zip(NAMES, half.tolist(), strict=True))
 
 
-def _fit_resistance(record: ExcitationRecord, phase: FloatArray) -> tuple[dict[str, float], dict[str, float]]:
-    """Fit R_cold and r of R = R_cold (1 + r w), weighted by the current; return them and half their 95 % intervals."""
+def _fit_resistance(
+    record: ExcitationRecord, phase: FloatArray, balance: HeatBalance
+) -> tuple[HeatBalance, dict[str, float]]:
+    """Fit R_cold and r of R = R_cold (1 + r w), weighted by the current.
+
+    Return `balance` with these two parameters, and half of their 95 % intervals.
+    """
     current = record.current_a
     heated = current > MIN_CURRENT_FRACTION * current.max()
     if np.count_nonzero(heated) < MIN_HEATED_SAMPLES:
@@ -231,20 +180,8 @@ def _fit_resistance(record: ExcitationRecord, phase: FloatArray) -> tuple[dict[s
     (slope, cold), covariance = np.polyfit(phase[heated], ohm, 1, w=current[heated], cov=True)
     left_v = (ohm - cold - slope * phase[heated]) * current[heated]
     slope_ohm, cold_ohm = (1.96 * np.sqrt(samples_per_independent(left_v) * np.diag(covariance))).tolist()
-    found = {"resistance_cold_ohm": float(cold), "resistance_change": float(slope / cold)}
+    found = replace(balance, resistance_cold_ohm=float(cold), resistance_change=float(slope / cold))
     return found, {
         "resistance_cold_ohm": float(np.hypot(cold_ohm / cold, SYSTEMATIC)),
         "resistance_change": float(np.hypot(slope_ohm / cold, SYSTEMATIC)),
     }
-
-
-def _wire_temperature(samples: _Samples, balance: HeatBalance) -> FloatArray:
-    """Return the wire temperature: simulated, and corrected by the slow part of the error of the reading.
-
-    The correction is advanced by the lag of the thermocouple.
-    """
-    wire, reading = _simulate(samples, _thermal_parameters(balance))
-    rate_hz = 1.0 / samples.dt_s
-    low_pass = scipy.signal.butter(2, min(CORRECTION_BAND_HZ, 0.1 * rate_hz), fs=rate_hz, output="sos")
-    slow_c = np.asarray(scipy.signal.sosfiltfilt(low_pass, samples.reading_c - reading))
-    return wire + slow_c + balance.thermocouple_lag_s * np.gradient(slow_c, samples.dt_s)

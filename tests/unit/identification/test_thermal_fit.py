@@ -10,7 +10,7 @@ from smadrive.errors import ConfigError, IdentificationError
 from smadrive.hysteresis import DuhemModel
 from smadrive.identification.excitation import ExcitationRecord, check_may_excite
 from smadrive.identification.excitation_plans import planned_excitation
-from smadrive.identification.thermal import FIT, identify_thermal
+from smadrive.identification.thermal_fit.fit import FIT, identify_thermal
 from smadrive.measurement import Measurement
 from smadrive.wire.heat_balance import HeatBalance
 
@@ -92,6 +92,11 @@ def test_wire_temperature_is_free_of_lag_and_noise(record):
     error = (estimated - truth)[200:]
     assert np.sqrt(np.mean(error**2)) < 0.1
     assert np.sqrt(np.mean((measured.temperature_c - truth)[200:] ** 2)) > 0.5  # what it would be without the fit
+
+
+def test_noise_of_the_thermocouple_is_found(record):
+    measured, _ = record
+    assert identify_thermal(measured, NOMINAL).balance.thermocouple_noise_c == pytest.approx(0.1, rel=0.1)
 
 
 def test_leads_hardly_change_the_wire_temperature(record):
