@@ -91,7 +91,8 @@ def conduct(
     digest = write_table(table, table_file)
     write_table(effort_table(journal.results), journal.folder / EFFORT)
     numbers = worst_numbers(plan, table)
-    progress.begin("logs of the worst runs", len(numbers))
+    if numbers:
+        progress.begin("logs of the worst runs", len(numbers))
     logs = write_worst_logs(client, plan, numbers, journal.folder / LOGS, progress.advance)
     progress.begin("report", 1)
     write_campaign_report(journal.folder / PAGE, plan, table, digest, logs.files)

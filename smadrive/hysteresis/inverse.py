@@ -26,7 +26,7 @@ _CLOSE = 1e-10  # of the scale: closer than this the output counts as reached
 
 
 class Inversion(NamedTuple):
-    """The state that the wire reaches: with the input `v` to command, and the output `y` at this input.
+    """The state that the wire reaches. Its input `v` is the command, and its output is `y`.
 
     `reachable` is True if y is equal to the setpoint, up to rounding.
     """

@@ -89,7 +89,8 @@ class FeedbackConfig(Section):
 
     closed_loop_s        time constant of the closed loop in s; by default 0.25, or `LOOP_PERIODS` periods if longer
     integral_s           integral time in s
-    noise_c              noise of the measured temperature in °C; by default that of the record of the wire
+    noise_c              least noise of the thermocouple that the controller assumes, K; it assumes the noise in the
+                         record of the wire if that is larger
     feedforward_share    fraction of the feedforward's power that is used; less than 1 leaves more to the feedback
     adapt                if True, `tune` adapts the rules of the model to the measured displacement while the session is
                          armed; other commands ignore this key
@@ -97,7 +98,7 @@ class FeedbackConfig(Section):
 
     closed_loop_s: float = Field(default=0.25, gt=0)
     integral_s: float = Field(default=2.0, gt=0)
-    noise_c: float | None = Field(default=None, ge=1e-3, le=10)
+    noise_c: float = Field(default=0.1, ge=1e-3, le=10)
     feedforward_share: float = Field(default=1.0, ge=0, le=1.5)
     adapt: bool = False
 

@@ -161,7 +161,7 @@ def _wire_model(log: Log, wire: IdentifiedWire | None) -> WireModel:
 def _predicted_mm(log: Log, wire: WireModel) -> FloatArray:
     config = rig_config_of(log)
     settings, noise_mm = tracking_settings(config), DISPLACEMENT_NOISE * abs(wire.travel_mm)
-    observer = WireObserver(wire, settings.period_s, wire.balance.noise_c(settings.noise_c), noise_mm)
+    observer = WireObserver(wire, settings.period_s, wire.balance.assumed_noise_c(settings.noise_c), noise_mm)
     prediction = DisplacementPrediction(wire, observer, settings.current_limit_a)
     return np.fromiter(_updated(log, prediction.update), np.float64)
 

@@ -38,16 +38,13 @@ the loop: then one lost reply of a sensor that is read in every period does not 
 
 RESISTANCE_CHANGE = "heat balance: resistance_change"
 
-NOISE_C = 0.1
-"""Typical standard deviation of the noise of a thermocouple, K."""
-
 
 @dataclass(frozen=True, slots=True)
 class HeatBalance:
     """Parameters of the heat balance at the head of this file, their source, and the equations as methods.
 
-    `thermocouple_noise_c` is the standard deviation of the noise of the thermocouple, K. Raises ModelError for a
-    parameter that is out of its range or not finite.
+    `thermocouple_noise_c` is the standard deviation of the noise of the thermocouple in the record of the wire, K; 0 if
+    it was not measured. Raises ModelError for a parameter that is out of its range or not finite.
     """
 
     heat_capacity_j_per_k: float
@@ -58,15 +55,15 @@ class HeatBalance:
     resistance_change: float
     thermocouple_lag_s: float
     source: BalanceSource = BalanceSource.IDENTIFIED
-    thermocouple_noise_c: float = NOISE_C
+    thermocouple_noise_c: float = 0.0
 
     def __post_init__(self) -> None:
         """Raise ModelError for a parameter that is not finite or out of its range."""
-        for name in ("heat_capacity_j_per_k", "loss_w_per_k", "resistance_cold_ohm", "thermocouple_noise_c"):
+        for name in ("heat_capacity_j_per_k", "loss_w_per_k", "resistance_cold_ohm"):
             value = getattr(self, name)
             if not value > 0:
                 raise ModelError("not positive", where=f"heat balance: {name}", value=value)
-        for name in ("latent_heat_j", "thermocouple_lag_s"):
+        for name in ("latent_heat_j", "thermocouple_lag_s", "thermocouple_noise_c"):
             value = getattr(self, name)
             if not value >= 0:
                 raise ModelError("negative", where=f"heat balance: {name}", value=value)
@@ -89,9 +86,12 @@ class HeatBalance:
         """
         return max(FRESH * self.time_constant_s, FRESH_PERIODS * period_s)
 
-    def noise_c(self, given_c: float | None) -> float:
-        """Return the standard deviation of the noise of the thermocouple, K: `given_c` unless it is None."""
-        return self.thermocouple_noise_c if given_c is None else given_c
+    def assumed_noise_c(self, least_c: float) -> float:
+        """Return the noise of the thermocouple that a controller assumes, K: of the record, or `least_c` if larger.
+
+        Too small a noise makes an estimate wrong by percents of the stroke, while too large a noise costs little.
+        """
+        return max(self.thermocouple_noise_c, least_c)
 
     def resistance_ohm(self, phase: float) -> float:
         """Return the resistance R(ξ) at the phase ξ, Ω."""

@@ -106,7 +106,8 @@ def _yes(holds: bool) -> str:
 def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:
     """Return a row for each parameter of the heat balance: name, value, and half of its 95 % confidence interval.
 
-    The time constant has no interval, because it follows from heat capacity and loss, and the noise has none.
+    The time constant has no interval, because it follows from heat capacity and loss. The noise has none either: it is
+    measured, not fitted.
     """
     balance, within = thermal.balance, {name: f"±{100 * value:.1f} %" for name, value in thermal.within.items()}
     return [

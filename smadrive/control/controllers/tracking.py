@@ -88,7 +88,7 @@ class TrackingController:
         self._limit_a, self._period_s = settings.current_limit_a, settings.period_s
         period_s, stroke_mm = settings.period_s, abs(wire.travel_mm)
         noise_mm = DISPLACEMENT_NOISE * stroke_mm
-        self._observer = WireObserver(wire, period_s, wire.balance.noise_c(settings.noise_c), noise_mm)
+        self._observer = WireObserver(wire, period_s, wire.balance.assumed_noise_c(settings.noise_c), noise_mm)
         resistance = None if wire.resistance is None else ResistanceSensor(wire, wire.resistance, period_s)
         source, fresh_s = settings.displacement_from, wire.balance.fresh_s(period_s)
         self._sources = SourceSelection(source, resistance, noise_mm, stroke_mm, period_s, fresh_s)

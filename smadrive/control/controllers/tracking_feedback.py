@@ -50,7 +50,7 @@ class TrackingSettings:
     current_limit_a     largest current, A
     closed_loop_s       time constant of the temperature loop without a measured displacement, s; see `FASTER`
     integral_s          time constant in which the effect of a model error decays, s
-    noise_c             standard deviation of the noise of the thermocouple, K; None for that of the heat balance
+    noise_c             least assumed noise of the thermocouple, K; see `HeatBalance.assumed_noise_c`
     feedforward_share   share of the feedforward's power that is used; less than 1 leaves more to the feedback
     displacement_from   source of the displacement
     """
@@ -59,7 +59,7 @@ class TrackingSettings:
     current_limit_a: float
     closed_loop_s: float
     integral_s: float
-    noise_c: float | None
+    noise_c: float
     feedforward_share: float = 1.0
     displacement_from: DisplacementFrom = DisplacementFrom.SENSOR
 

@@ -192,7 +192,7 @@ class TSFuzzyPreisach(HysteresisModel):
         return self._state(v, Memory(rules, relays, turns, dropped))
 
     def reach(self, state: HysteresisState, w: float) -> HysteresisState:
-        """Return the state with the normalised state w that the wire reaches from `state`, at the input of this state.
+        """Return the state at which a wire that moves from `state` reaches the normalised state w.
 
         The input moves in one direction only. If no input of the range leads to w, the result is the state at the end
         of the range.

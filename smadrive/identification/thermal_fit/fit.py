@@ -34,9 +34,6 @@ MIN_SAMPLES, MIN_HEATED_SAMPLES = 200, 20
 MOVES = 8.0
 """Smallest span of the displacement of a moving wire, in standard deviations of its steps. White noise spans 3.6."""
 
-LEAST_NOISE_C = 0.02
-"""The noise of the thermocouple counts as at least this, K."""
-
 SYSTEMATIC = 0.005
 """Relative systematic error of the fit, from the sampling and the lumped model; found on simulated wires."""
 UNCERTAIN = {"heat_capacity_j_per_k": 0.1, "loss_w_per_k": 0.1, "latent_heat_j": 0.3}
@@ -59,7 +56,7 @@ class ThermalFit:
 
 
 def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit:
-    """Fit the heat balance to one recorded excitation.
+    """Fit the heat balance to one recorded excitation, and measure the noise of the thermocouple.
 
     The search begins at the nominal heat balance `start`. It keeps each parameter within a factor of 5 of its nominal
     value, and ambient_c within 16 K. IdentificationError for an unusable record (too short, unsorted, no heating, no
@@ -70,7 +67,7 @@ def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit
     grid, samples = _uniform(record, phase)
     balance, within = _fit_balance(samples, start)
     balance, within_resistance = _fit_resistance(record, phase, balance)
-    noise_c = max(noise_deviation(record.temperature_c, order=3), LEAST_NOISE_C)
+    noise_c = noise_deviation(record.temperature_c, order=3)
     balance, within = replace(balance, thermocouple_noise_c=noise_c), within | within_resistance
     _check_intervals(within)
     wire = wire_temperature_c(samples, balance)

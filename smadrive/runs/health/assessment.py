@@ -20,7 +20,7 @@ from smadrive.wire.health.entry import Estimate, HealthEntry
 from smadrive.wire.health.expected_rest import ExpectedRest, expected_rest
 from smadrive.wire.health.record import read_health
 from smadrive.wire.health.sensitivity import error_gains
-from smadrive.wire.heat_balance import NOISE_C, BalanceSource
+from smadrive.wire.heat_balance import BalanceSource
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 
 NAMES = {
@@ -59,11 +59,12 @@ def assess(wire_file: Path, feedback: FeedbackConfig) -> Assessment:
         return Assessment(None, caveats=(str(error),))
     if not record.entries:
         return Assessment(None, caveats=record.caveats)
+    balance = wire.heat_balance
     entries = record.entries if is_identified(record.entries, now) else (*record.entries, now)
     gains = error_gains(
         widths_of(wire),
-        loop_share=0.0 if wire.heat_balance is None else feedback.closed_loop_s / wire.heat_balance.time_constant_s,
-        noise_c=feedback.noise_c or (NOISE_C if wire.heat_balance is None else wire.heat_balance.thermocouple_noise_c),
+        loop_share=0.0 if balance is None else feedback.closed_loop_s / balance.time_constant_s,
+        noise_c=feedback.noise_c if balance is None else balance.assumed_noise_c(feedback.noise_c),
         fit_percent=now.model_percent,
     )
     each = gains_of(gains, now.rest_ohm.value, now.stroke_mm.value)

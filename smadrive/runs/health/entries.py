@@ -145,7 +145,7 @@ def _drift(log: Log, wire: WireModel, config: RigConfig) -> LoopDrift:
     if len(time_s) < 2:
         return UNKNOWN
     wire_c = wire_temperature_c(time_s, reading_c, wire.balance.thermocouple_lag_s)
-    return fit_loop_drift(wire.model, wire_c, displacement_mm, wire.balance.noise_c(config.feedback.noise_c))
+    return fit_loop_drift(wire.model, wire_c, displacement_mm, wire.balance.assumed_noise_c(config.feedback.noise_c))
 
 
 def _measured_rest(log: Log, wire: WireModel, config: RigConfig) -> RestResistance:

@@ -38,10 +38,13 @@ def run_caveats(log: Log) -> tuple[str, ...]:
 
 
 def _noise_caveats(log: Log) -> tuple[str, ...]:
-    if "rig" not in log.metadata or "wire" not in log.metadata:
+    if "rig" not in log.metadata:
         return ()
-    balance = wire_of(log).wire_model(nominal_balance(log)).balance
-    return noise_caveats(log.column_with_gaps("temperature_c"), balance.noise_c(rig_config_of(log).feedback.noise_c))
+    assumed_c = rig_config_of(log).feedback.noise_c
+    balance = wire_of(log).heat_balance if "wire" in log.metadata else None
+    if balance is not None:
+        assumed_c = balance.assumed_noise_c(assumed_c)
+    return noise_caveats(log.column_with_gaps("temperature_c"), assumed_c)
 
 
 def _resistance_caveats(log: Log) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The noise of a thermocouple in its readings, compared with the noise that the controller has expected.
+"""The noise of a thermocouple in its readings, compared with the noise that the controller assumed.
 
 The third difference of the readings removes the motion of the wire. The median of its absolute values is robust against
 spikes and reversals.
@@ -15,18 +15,16 @@ LEAST_SAMPLES = 100
 """The noise of fewer samples is unknown."""
 
 TOO_NOISY = 2.0
-"""A noise above this multiple of the expected one is a caveat: without a sensor, the controller reverses at the noise.
-"""
+"""A noise above this multiple of the assumed one is a caveat: without a sensor, the controller reverses at noise."""
 
 
-def noise_caveats(reading_c: FloatArray, expected_c: float) -> tuple[str, ...]:
-    """Return a caveat if the reading has much more noise than `expected_c`, K, otherwise nothing."""
+def noise_caveats(reading_c: FloatArray, assumed_c: float) -> tuple[str, ...]:
+    """Return a caveat if the reading has much more noise than `assumed_c`, K, otherwise nothing."""
     noise_c = measured_noise_c(reading_c)
-    if not noise_c > TOO_NOISY * expected_c:
+    if not noise_c > TOO_NOISY * assumed_c:
         return ()
-    what = f"the noise of the thermocouple is {noise_c:.2g} K, and the controller expected {expected_c:.2g} K"
-    cure = f"shield the thermocouple, identify the wire again, or set noise_c = {noise_c:.2g} in [feedback]"
-    return (f"{what}: {cure}",)
+    what = f"the noise of the thermocouple is {noise_c:.2g} K, and the controller assumes {assumed_c:.2g} K"
+    return (f"{what}: set noise_c = {noise_c:.2g} in [feedback], or shield the thermocouple",)
 
 
 def measured_noise_c(reading_c: FloatArray) -> float:

@@ -75,7 +75,7 @@ class TuningSession:
         self._references = ReferenceCatalogue(references)
         self.tunings = Tunings(tuning)
         self._change_queue = ChangeQueue(self.tunings, builder, self._references.path, rig.config, self._usable)
-        noise_c = wire.balance.noise_c(rig.config.feedback.noise_c)
+        noise_c = wire.balance.assumed_noise_c(rig.config.feedback.noise_c)
         self._adaptation = AdaptationRunner(tuning, wire.balance, rig.period_s, noise_c)
         self._log = SessionLog(recorder, wire)
         self._status = Status(rig, self._references.names, wire, self._log)

@@ -7,7 +7,7 @@ import pytest
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel
-from smadrive.wire.heat_balance import NOISE_C, BalanceSource, HeatBalance
+from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire, parse_wire
 
@@ -61,11 +61,11 @@ def test_source_of_the_heat_balance_comes_back(path, source):
     assert parse_wire(wire.text(), "a log").heat_balance == balance
 
 
-def test_heat_balance_of_an_older_file_has_the_typical_noise(path):
+def test_noise_of_an_older_file_is_not_measured(path):
     document = json.loads(path.read_text())
     del document["provenance"]["heat_balance"]["thermocouple_noise_c"]
     path.write_text(json.dumps(document))
-    assert load_wire(path).heat_balance.thermocouple_noise_c == NOISE_C
+    assert load_wire(path).heat_balance.thermocouple_noise_c == 0.0
 
 
 def test_heat_balance_without_a_source_counts_as_identified(path):
