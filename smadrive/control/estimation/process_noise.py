@@ -30,7 +30,7 @@ class ProcessNoises(NamedTuple):
     disturbed: ProcessNoise
 
 
-PRECISE = ProcessNoises(ProcessNoise(0.015, 0.1, 0.05, 0.003), ProcessNoise(0.1, 20.0, 3.0, 0.003))
+PRECISE = ProcessNoises(ProcessNoise(0.015, 0.15, 0.05, 0.003), ProcessNoise(0.1, 20.0, 3.0, 0.003))
 """The process noise without a displacement, and for a precise displacement, as of a sensor.
 
 The drift in calm air is a compromise: with less of it, the estimate has less noise, but follows a change of the ambient
