@@ -79,10 +79,11 @@ def _lagged(wire: FloatArray, lag_s: float, dt_s: float, start: float) -> FloatA
 def wire_temperature_c(samples: Samples, balance: HeatBalance) -> FloatArray:
     """Return the wire temperature: simulated, and corrected by the slow part of the error of the reading.
 
-    The correction is advanced by the lag of the thermocouple.
+    A spike of one sample does not count. The correction is advanced by the lag of the thermocouple.
     """
     wire, reading = simulate(samples, parameters_of(balance))
     rate_hz = 1.0 / samples.dt_s
     low_pass = scipy.signal.butter(2, min(CORRECTION_BAND_HZ, 0.1 * rate_hz), fs=rate_hz, output="sos")
-    slow_c = np.asarray(scipy.signal.sosfiltfilt(low_pass, samples.reading_c - reading))
+    error_c = scipy.ndimage.median_filter(samples.reading_c - reading, size=3, mode="nearest")
+    slow_c = np.asarray(scipy.signal.sosfiltfilt(low_pass, error_c))
     return wire + slow_c + balance.thermocouple_lag_s * np.gradient(slow_c, samples.dt_s)

@@ -108,6 +108,16 @@ def test_leads_hardly_change_the_wire_temperature(record):
     assert np.sqrt(np.mean(slow_c**2)) < 0.04
 
 
+def test_spikes_of_the_thermocouple_hardly_change_the_wire_temperature(record):
+    measured, truth = record
+    spiked_c = measured.temperature_c.copy()
+    spiked_c[100::200] += 30.0
+    error_c = (
+        identify_thermal(dataclasses.replace(measured, temperature_c=spiked_c), NOMINAL).wire_temperature_c - truth
+    )
+    assert np.sqrt(np.mean(error_c[200:] ** 2)) < 0.1
+
+
 def test_jitter_of_the_clock_does_not_change_the_fit(record):
     measured, _ = record
     jitter = np.random.default_rng(5).uniform(-0.4, 0.4, measured.time_s.size) * DT_S
