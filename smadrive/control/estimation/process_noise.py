@@ -30,8 +30,11 @@ class ProcessNoises(NamedTuple):
     disturbed: ProcessNoise
 
 
-PRECISE = ProcessNoises(ProcessNoise(0.015, 0.15, 0.05, 0.003), ProcessNoise(0.1, 20.0, 3.0, 0.003))
-"""The process noise without a displacement, and for a precise displacement, as of a sensor.
+PRECISE = ProcessNoises(ProcessNoise(0.015, 0.2, 0.05, 0.003), ProcessNoise(0.1, 20.0, 3.0, 0.003))
+"""The process noise for a precise displacement, as of a sensor."""
+
+BLIND = ProcessNoises(PRECISE.calm._replace(drift_c=0.15), PRECISE.disturbed)
+"""The process noise without a displacement.
 
 The drift in calm air is a compromise: with less of it, the estimate has less noise, but follows a change of the ambient
 temperature later.
