@@ -17,12 +17,15 @@ import scipy
 from smadrive.numerics.arrays import FloatArray
 from smadrive.wire.heat_balance import HeatBalance
 
-CORRECTION_BAND_HZ = 0.2
-"""The estimate of the wire temperature follows the thermocouple below this frequency, the heat balance above it.
+BANDS_HZ = 0.05, 0.2
+"""The estimate of the wire temperature follows the thermocouple up to a frequency between these two.
 
-The errors of the heat balance repeat with the loops of an excitation, whose frequencies are 0.05 to 0.1 Hz. The
-hysteresis model would take them for a property of the wire.
+Above this frequency it follows the heat balance. The errors of the heat balance repeat with the loops of an excitation, whose frequencies are 0.05 to 0.1 Hz. The
+hysteresis model would take them for a property of the wire. So the frequency is as high as `PASSED_C` permits.
 """
+
+PASSED_C = 0.018
+"""Largest noise that passes to the estimate above the lower of `BANDS_HZ`, K."""
 
 NAMES = {
     "heat_capacity_j_per_k": "heat capacity m c",
@@ -83,7 +86,17 @@ def wire_temperature_c(samples: Samples, balance: HeatBalance) -> FloatArray:
     """
     wire, reading = simulate(samples, parameters_of(balance))
     rate_hz = 1.0 / samples.dt_s
-    low_pass = scipy.signal.butter(2, min(CORRECTION_BAND_HZ, 0.1 * rate_hz), fs=rate_hz, output="sos")
+    low_pass = scipy.signal.butter(2, _followed_hz(rate_hz, balance.thermocouple_noise_c), fs=rate_hz, output="sos")
     error_c = scipy.ndimage.median_filter(samples.reading_c - reading, size=3, mode="nearest")
     slow_c = np.asarray(scipy.signal.sosfiltfilt(low_pass, error_c))
     return wire + slow_c + balance.thermocouple_lag_s * np.gradient(slow_c, samples.dt_s)
+
+
+def _followed_hz(rate_hz: float, noise_c: float) -> float:
+    """Return the frequency up to which the estimate follows a thermocouple with the noise `noise_c`, Hz.
+
+    Of white noise with the variance σ², sampled at the rate f, a low-pass filter of the band B passes σ² 2 B / f.
+    """
+    low_hz, high_hz = BANDS_HZ
+    quiet_hz = 0.5 * rate_hz * (PASSED_C / noise_c) ** 2 if noise_c > 0.0 else high_hz
+    return min(max(quiet_hz, low_hz), high_hz, 0.1 * rate_hz)

@@ -118,6 +118,14 @@ def test_spikes_of_the_thermocouple_hardly_change_the_wire_temperature(record):
     assert np.sqrt(np.mean(error_c[200:] ** 2)) < 0.1
 
 
+def test_noisy_thermocouple_is_followed_slowly(record):
+    measured, truth = record
+    noise_c = np.random.default_rng(6).normal(0.0, 1.0, truth.size)
+    noisy = dataclasses.replace(measured, temperature_c=measured.temperature_c + noise_c)
+    error_c = (identify_thermal(noisy, NOMINAL).wire_temperature_c - truth)[200:-20]
+    assert np.sqrt(np.mean(error_c**2)) < 0.1
+
+
 def test_jitter_of_the_clock_does_not_change_the_fit(record):
     measured, _ = record
     jitter = np.random.default_rng(5).uniform(-0.4, 0.4, measured.time_s.size) * DT_S
