@@ -35,7 +35,7 @@ import numpy as np
 import scipy
 
 from smadrive.control.estimation.innovation import DisturbanceEvidence
-from smadrive.control.estimation.process_noise import BLIND, NOISY, PRECISE, ProcessNoise
+from smadrive.control.estimation.process_noise import NOISY, PRECISE, ProcessNoise
 from smadrive.numerics.arrays import FloatArray
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
@@ -92,7 +92,7 @@ class GainTable:
         self._apart, self._last = slopes[1], noises - 1
         self._most_c = MOST_NOISES * noise_c
         self._noise, self._most_noise = noise, noise * NOISE_STEP**self._last
-        self._reading = _more([_reading_gain(balance, period_s, noise_c, process) for process in BLIND])
+        self._reading = _more([_reading_gain(balance, period_s, noise_c, process) for process in PRECISE])
         self._both: list[list[GainRows]] = []
         for level in range(noises):
             noises_of_level = noise_c, noise * NOISE_STEP**level

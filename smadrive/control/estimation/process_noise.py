@@ -31,14 +31,7 @@ class ProcessNoises(NamedTuple):
 
 
 PRECISE = ProcessNoises(ProcessNoise(0.015, 0.2, 0.05, 0.003), ProcessNoise(0.1, 20.0, 3.0, 0.003))
-"""The process noise for a precise displacement, as of a sensor."""
-
-BLIND = ProcessNoises(PRECISE.calm._replace(drift_c=0.15), PRECISE.disturbed)
-"""The process noise without a displacement.
-
-The drift in calm air is a compromise: with less of it, the estimate has less noise, but follows a change of the ambient
-temperature later.
-"""
+"""The process noise without a displacement, and for a precise displacement, as of a sensor."""
 
 NOISY = ProcessNoises(ProcessNoise(0.015, 0.05, 0.02, 0.0005), PRECISE.disturbed._replace(phase=0.03))
 """The process noise for a noisy displacement, as that by the resistance.

@@ -20,8 +20,9 @@ from smadrive.wire.heat_balance import HeatBalance
 BANDS_HZ = 0.05, 0.2
 """The estimate of the wire temperature follows the thermocouple up to a frequency between these two.
 
-Above this frequency it follows the heat balance. The errors of the heat balance repeat with the loops of an excitation, whose frequencies are 0.05 to 0.1 Hz. The
-hysteresis model would take them for a property of the wire. So the frequency is as high as `PASSED_C` permits.
+Above this frequency it follows the heat balance, whose errors repeat with the loops of an excitation: at 0.05 to
+0.1 Hz. The hysteresis model would take them for a property of the wire. So the frequency is as high as `PASSED_C`
+permits.
 """
 
 PASSED_C = 0.018
