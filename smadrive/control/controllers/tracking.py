@@ -209,9 +209,9 @@ class TrackingController:
             direction = 1 if period.rate_mm_per_s / travel_mm > 0 else -1
         if self._preview is None:
             return direction, None
-        power_w = period.limit_w if direction < 0 else period.least_w
-        reversal = self._preview.update(period.ahead, self._reference, period.time_s, direction, power_w)
-        return (direction, None) if reversal is None else (-direction, reversal)
+        limits_w = (period.least_w, period.limit_w)
+        reversal = self._preview.update(period.ahead, self._reference, period.time_s, direction, limits_w)
+        return (direction, None) if reversal is None else (reversal.direction, reversal)
 
     def _target(self, period: _Period, trim_mm: float, direction: int, reversal: Reversal | None) -> Feedforward:
         """Return temperature and power of the feedforward: for the setpoint, or for the meeting point of a reversal."""

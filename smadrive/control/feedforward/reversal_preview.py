@@ -6,6 +6,9 @@ this crossing, so it has an error after the peak. A wire that reverses early doe
 before the peak. The preview begins the reversal when these two errors are equal: the larger error is then as small as
 possible. To find this moment, the preview simulates a wire that begins to reverse now: at the least power if the wire
 must cool, at full power if the wire must heat up. It compares the simulated wire with the reference at `POINTS` times.
+
+A reference can pass its peak before a reversal is due, for example if it rests there for a moment. So for some time
+after the peak, the reversal of a wire that would be late by more than `LATE` still begins.
 """
 
 from __future__ import annotations
@@ -29,6 +32,12 @@ MISSED = 0.01
 """Largest allowed error before the peak, as a fraction of the stroke.
 
 While the error would be larger, no reversal begins, even if the wire is then late, for example at a step.
+"""
+
+LATE = 0.0025
+"""A reversal begins after the peak only if the wire would be late by more than this, as a fraction of the stroke.
+
+A wire that has already reversed is late by less: by the noise of its estimate.
 """
 
 BEYOND = 0.01
@@ -72,14 +81,14 @@ class _Crossing(NamedTuple):
     early: float
     late: float
 
-    @property
-    def is_due(self) -> bool:
-        """True if the reversal must begin now.
+    def is_due(self, tolerated: float) -> bool:
+        """Return True if the reversal must begin now.
 
-        Three conditions must be true. The error after the peak is not zero. It is at least as large as the error before
-        the peak, so that a later beginning would be worse. The error before the peak is at most `MISSED`.
+        Three conditions must be true. The error after the peak is larger than `tolerated`, in strokes. It is at least
+        as large as the error before the peak, so that a later beginning would be worse. The error before the peak is at
+        most `MISSED`.
         """
-        return self.late >= self.early and self.late > 0.0 and self.early <= MISSED
+        return self.late > tolerated and self.late >= self.early and self.early <= MISSED
 
 
 class ReversalPreview:
@@ -93,20 +102,47 @@ class ReversalPreview:
         self._seen_s = max(0.5 * self._horizon_s, LEAST_PERIODS * period_s)
 
     def update(
-        self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, power_w: float
+        self,
+        estimate: WireEstimate,
+        reference: Reference,
+        time_s: float,
+        direction: int,
+        limits_w: tuple[float, float],
     ) -> Reversal | None:
-        """Return the reversal that must begin now, at `time_s`, or None if the wire must continue in `direction`.
+        """Return the reversal that must begin now, at `time_s`, or None if the wire must follow the reference.
 
-        `estimate` is the estimated state of the wire. `direction` is +1 towards the hot end of the travel, -1 towards
-        the cold end. `power_w` is the power with which the wire would reverse: the least power if it must cool,
-        otherwise the largest.
+        `estimate` is the estimated state of the wire. `direction` is the direction of the reference: +1 towards the hot
+        end of the travel, -1 towards the cold end. The wire reverses at the least power if it must cool, otherwise at
+        the largest; `limits_w` are these two.
         """
-        upward = direction / self._wire.travel_mm > 0
-        reverses_s = reference.next_reversal_s(time_s, 1 if upward else -1)
-        if reverses_s > time_s + self._seen_s:
+        upward = 1 if direction / self._wire.travel_mm > 0 else -1
+        reverses_s = reference.next_reversal_s(time_s, upward)
+        if reverses_s <= time_s + self._seen_s:
+            reversal = self._due(estimate, reference, time_s, reverses_s, direction, limits_w, tolerated=0.0)
+            if reversal is not None:
+                return reversal
+        reversed_s = reference.next_reversal_s(time_s - self._seen_s, -upward)
+        if reversed_s > time_s:
             return None
+        return self._due(estimate, reference, time_s, reversed_s, -direction, limits_w, tolerated=LATE)
+
+    def _due(
+        self,
+        estimate: WireEstimate,
+        reference: Reference,
+        time_s: float,
+        reverses_s: float,
+        direction: int,
+        limits_w: tuple[float, float],
+        tolerated: float,
+    ) -> Reversal | None:
+        """Return the reversal that ends the movement in `direction`, or None if it is not due.
+
+        `reverses_s` is the time of the peak, `tolerated` the largest error after it, in strokes.
+        """
+        power_w = limits_w[0] if direction > 0 else limits_w[1]
         crossing = _crossing(self._shortfalls(estimate, reference, time_s, direction, power_w), reverses_s)
-        if not crossing.is_due:
+        if not crossing.is_due(tolerated):
             return None
         meets_s = max(crossing.meets_s, reverses_s)
         meets_mm = reference.value_mm(meets_s)

@@ -6,7 +6,7 @@ import pytest
 from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.control.feedforward.reversal_preview import ReversalPreview
 from smadrive.control.references.reference import Reference
-from smadrive.hysteresis import DuhemModel
+from smadrive.hysteresis import DuhemModel, InverseFeedforward
 from smadrive.hysteresis.reversal import Play
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel, WireState
@@ -19,6 +19,8 @@ FALLING = DuhemModel.gaussian(
 )
 BALANCE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
 PEAK_S = 10.0
+POWERS_W = (0.0, 5.0)
+"""The least and the largest power."""
 
 
 def peak(rate=0.4, model=LOOP):
@@ -40,7 +42,7 @@ def leaves_s(reference, model=LOOP):
     """Return the time at which the wire leaves the heating branch."""
     preview = ReversalPreview(WireModel(model, BALANCE), 0.02)
     for time_s in np.arange(8.0, PEAK_S + 0.01, 0.02).tolist():
-        if turn := preview.update(at(reference, time_s, model), reference, time_s, 1, 0.0):
+        if turn := preview.update(at(reference, time_s, model), reference, time_s, 1, POWERS_W):
             return time_s, turn
     return None
 
@@ -77,10 +79,34 @@ def test_displacement_that_falls_on_heating_reverses_at_the_same_time():
     assert leaves_s(peak(model=FALLING), FALLING)[0] == pytest.approx(leaves_s(peak())[0])
 
 
+def test_wire_reverses_after_a_peak_at_which_the_reference_rests_for_a_moment():
+    """The reference slowly leaves its peak and then falls as fast as in the other tests."""
+    top_mm = 0.7 * LOOP.scale
+    rests = Reference.from_samples(
+        [0, PEAK_S, PEAK_S + 0.5, 2 * PEAK_S], [0.0, top_mm, top_mm - 0.01, top_mm - 0.01 - 0.4 * 9.5]
+    )
+    preview, wire = ReversalPreview(WireModel(LOOP, BALANCE), 0.02), at(rests, PEAK_S)
+    assert preview.update(wire, rests, PEAK_S + 0.02, -1, POWERS_W) is None
+    late = (preview.update(wire, rests, time_s, -1, POWERS_W) for time_s in np.arange(PEAK_S, PEAK_S + 0.5, 0.02))
+    reversal = next(filter(None, late))
+    assert reversal.direction == -1
+    assert PEAK_S + 0.5 < reversal.meets_s < PEAK_S + 1.5
+    assert reversal.meets_c < wire.temperature_c - 5.0
+
+
+def test_no_reversal_begins_after_a_peak_from_which_the_wire_follows_the_reference():
+    preview, reference = ReversalPreview(WireModel(LOOP, BALANCE), 0.02), peak()
+    state = LOOP.initial_state(at(reference, PEAK_S).temperature_c)
+    time_s = PEAK_S + 0.3
+    state = InverseFeedforward(LOOP).update(state, reference.value_mm(time_s)).state
+    wire = WireEstimate(state.v, state.v, state, 0.0, Play(state.v, -1))
+    assert preview.update(wire, reference, time_s, -1, POWERS_W) is None
+
+
 def test_no_reversal_begins_far_from_the_peak():
     reference = peak()
     preview = ReversalPreview(WireModel(LOOP, BALANCE), 0.02)
-    assert preview.update(at(reference, 5.0), reference, 5.0, 1, 0.0) is None
+    assert preview.update(at(reference, 5.0), reference, 5.0, 1, POWERS_W) is None
 
 
 def test_reversal_is_over_at_or_beyond_the_meeting_point():
