@@ -10,8 +10,12 @@ from smadrive.control.feedforward.displacement import CoolingTime, TemperatureTa
 from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisState
 
-MAP_LEVELS = 50
-"""Entries of the static map, about as many as in a table that is made by hand."""
+MAP_LEVELS = 13
+"""Entries of the static map, as in a table that is made by hand: one per millimetre of a travel of 12 mm.
+
+In the middle of the loop the fit jumps by some kelvin, because there the wire is as often at one end of its travel as
+at the other. Between entries that are closer, this jump is so steep that the loop of the displacement oscillates.
+"""
 
 
 class StaticMap:
