@@ -30,8 +30,8 @@ ANOTHER_NAME = "choose another name"
 def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
     """Raise DataError when a command that reads `inputs` must not write a file of `kind` to `path`.
 
-    The reasons are: a wrong ending of the name, `path` is one of the `inputs`, `path` is an existing record, or its
-    folder does not exist or is closed.
+    The reasons are: a wrong ending of the name, `path` is one of the `inputs`, an existing record, a folder or another
+    file that may not be replaced, or its folder does not exist or is closed.
     """
     if not kind.has_ending(path):
         endings = " or ".join(kind.endings)
@@ -42,12 +42,11 @@ def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
     if kind.is_record and os.path.lexists(path):
         raise _exists(path)
     try:
-        path.stat()
-    except FileNotFoundError as error:
-        if not path.parent.exists():
-            raise _unwritable(path, error) from None
+        is_new = _replaceable(path) is None
     except OSError as error:
         raise _unwritable(path, error) from None
+    if is_new and not path.parent.exists():
+        raise _without_folder(path)
 
 
 def unused_record(stem: str, kind: FileKind, reserved: Collection[Path] = ()) -> Path:
@@ -138,9 +137,13 @@ def _exists(path: Path) -> DataError:
     return DataError("exists, and a record is never overwritten", where=path, cure=f"{ANOTHER_NAME}, or move it away")
 
 
+def _without_folder(path: Path) -> DataError:
+    return DataError("cannot be written: its folder does not exist", where=path, cure=f"create {path.parent} first")
+
+
 def _unwritable(path: Path, error: OSError) -> DataError:
     if isinstance(error, FileNotFoundError) and not path.parent.exists():
-        return DataError("cannot be written: its folder does not exist", where=path, cure=f"create {path.parent} first")
+        return _without_folder(path)
     return DataError(
         f"cannot be written: {error.strerror or error}", where=path, cure="check the folder and its free space"
     )

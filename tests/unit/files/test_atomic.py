@@ -166,6 +166,14 @@ def test_missing_folder_is_an_error_before_anything_is_computed(tmp_path):
     assert caught.value.where == str(tmp_path / "no" / "f.json")
 
 
+def test_folder_at_the_path_is_an_error_before_anything_is_computed(tmp_path):
+    (tmp_path / "f.json").mkdir()
+    with pytest.raises(DataError) as caught:
+        check_output(tmp_path / "f.json", MODEL)
+    assert caught.value.where == str(tmp_path / "f.json")
+    assert "a folder" in caught.value.what
+
+
 @pytest.mark.parametrize("link", [os.symlink, os.link])
 def test_input_is_not_overwritten_under_any_name(tmp_path, link):
     (tmp_path / "a.csv").write_text("data")
