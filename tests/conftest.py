@@ -16,6 +16,7 @@ import os
 import signal
 import time
 import uuid
+from collections import Counter
 from pathlib import Path
 
 import programs
@@ -92,11 +93,15 @@ def pytest_xdist_make_scheduler(config, log):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark the tests of BROWSER as exhaustive. Begin with the units that wait longest."""
+    """Mark the tests of BROWSER as exhaustive. Begin with the folders that wait longest, and there with large units.
+
+    So no worker begins a large unit when the others are about to end.
+    """
     for item in items:
         if item.nodeid.startswith(BROWSER):
             item.add_marker("exhaustive")
-    items.sort(key=lambda item: FOLDERS.index(folder_of(item.nodeid)))
+    sizes = Counter(unit_of(item.nodeid) for item in items)
+    items.sort(key=lambda item: (FOLDERS.index(folder_of(item.nodeid)), -sizes[unit_of(item.nodeid)]))
 
 
 def pytest_collection():

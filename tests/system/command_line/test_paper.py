@@ -6,6 +6,8 @@ import sys
 import programs
 import pytest
 
+pytestmark = pytest.mark.exhaustive
+
 
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory):

@@ -13,6 +13,7 @@ from urllib.error import HTTPError
 
 import programs
 import pytest
+from brief_rig import brief_rig
 from rich.console import Console
 
 from smadrive.cli.views.run_view import RunView
@@ -36,17 +37,17 @@ def on_a_terminal(*arguments, cwd):
 
 
 def test_run_shows_its_values_on_a_terminal(tmp_path):
-    seen = on_a_terminal("excite", "in-process", "-o", "l.h5", cwd=tmp_path)
+    seen = on_a_terminal("excite", brief_rig(tmp_path), "-o", "l.h5", cwd=tmp_path)
     for shown in ("exciting", "━", "temperature", "°C", "current", "limited by"):
         assert shown in seen
 
 
 def test_json_leaves_the_terminal_empty(tmp_path):
-    assert on_a_terminal("excite", "in-process", "-o", "l.h5", "--json", cwd=tmp_path) == ""
+    assert on_a_terminal("excite", brief_rig(tmp_path), "-o", "l.h5", "--json", cwd=tmp_path) == ""
 
 
 def test_stderr_is_empty_without_a_terminal(tmp_path):
-    command = [sys.executable, "-m", "smadrive", "excite", "in-process", "-o", "l.h5"]
+    command = [sys.executable, "-m", "smadrive", "excite", brief_rig(tmp_path), "-o", "l.h5"]
     done = programs.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stderr == ""
     assert done.stdout.startswith("l.h5: ")
@@ -169,7 +170,7 @@ def test_unknown_values_are_dashes(recorder):
 
 
 def test_length_of_a_run_is_announced_before_it_heats(tmp_path):
-    command = [sys.executable, "-m", "smadrive", "excite", "in-process", "-o", "l.h5"]
+    command = [sys.executable, "-m", "smadrive", "excite", brief_rig(tmp_path), "-o", "l.h5"]
     with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
         announced, ended = process.stdout.readline(), process.stdout.readlines()
     assert re.fullmatch(r"l.h5: the experiment takes \d min \d+ s of virtual time\n", announced)

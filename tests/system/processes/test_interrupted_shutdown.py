@@ -98,7 +98,7 @@ def driver(request, tmp_path):
         yield driver
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [exhaustive(signal.SIGINT), exhaustive(signal.SIGTERM), signal.SIGHUP])
 def test_signal_neither_ends_the_attempts_nor_hides_the_trip(driver, number):
     driver.silence_and_wait_for_the_shutdown()
     driver.send(number)

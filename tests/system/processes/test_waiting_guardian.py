@@ -219,7 +219,7 @@ def switch_for(url, identity, search=None):
     return OffSwitch(device, profile, search or PortSearch(url, port_names(url), time.monotonic), LineAccess(()))
 
 
-@pytest.mark.parametrize("way_in", ["--pty", "--rtu-tcp", "--tcp"])
+@pytest.mark.parametrize("way_in", ["--pty", *map(exhaustive, ("--rtu-tcp", "--tcp"))])
 def test_attempt_does_not_use_a_line_that_another_program_holds(stage, way_in):
     _, url = stage.serve("riden-rd60xx", 77, way_in, str(stage.folder / "port") if way_in == "--pty" else "0")
     switch = switch_for(url, {"serial_number": 77})

@@ -114,6 +114,7 @@ def test_the_same_tracking_twice_gives_the_same_log(excited, tmp_path):
     assert_same_log(*paths)
 
 
+@pytest.mark.exhaustive
 def test_the_same_excitation_twice_gives_the_same_log(tmp_path):
     paths = tmp_path / "first.h5", tmp_path / "second.h5"
     for path in paths:

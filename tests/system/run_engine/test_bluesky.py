@@ -60,6 +60,7 @@ def test_scan_over_displacement(engine, documents, rig, wire):
     np.testing.assert_allclose([row["wire_displacement_mm"] for row in rows], [2.0, 4.0, 6.0, 8.0], atol=0.2)
 
 
+@pytest.mark.exhaustive
 def test_two_wires_that_move_at_once_write_two_logs(engine, wire, other_wire):
     engine(bps.mv(wire, 4.0, other_wire, 4.0))
     assert wire.log_file != other_wire.log_file

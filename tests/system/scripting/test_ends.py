@@ -129,7 +129,7 @@ def assert_confirmed(log):
     assert not any("NOT" in event.message for event in log.events), log.events
 
 
-@pytest.mark.parametrize("fate", ["pass", *HANGS.values()], ids=["runs", *HANGS])
+@pytest.mark.parametrize("fate", ["pass", *map(exhaustive, HANGS.values())], ids=["runs", *HANGS])
 def test_interruption_ends_the_run_confirmed_and_reaches_the_script(rig_file, identified, tmp_path, fate):
     with heating(rig_file, identified.wire_file, tmp_path, fate) as (script, _):
         script.send_signal(signal.SIGINT)
@@ -167,7 +167,7 @@ RESTORES = {
 }
 
 
-@pytest.mark.parametrize("fate", RESTORES.values(), ids=RESTORES)
+@pytest.mark.parametrize("fate", [RESTORES["waits"], exhaustive(RESTORES["drops every exception"])], ids=RESTORES)
 def test_interruption_while_a_controller_is_restored_prevents_the_run(identified, tmp_path, fate):
     command = [sys.executable, "-c", RESTORED.format(fate=fate), str(RIGS / "in-process.toml"), identified.wire_file]
     with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as script:

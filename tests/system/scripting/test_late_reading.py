@@ -3,6 +3,7 @@
 from contextlib import contextmanager
 
 import numpy as np
+import pytest
 
 from smadrive.control.references.reference import Reference
 from smadrive.rig.config import load_rig
@@ -47,6 +48,7 @@ def watch(_recorder, _duration_s):
     yield lambda _tick: None
 
 
+@pytest.mark.exhaustive
 def test_ticks_that_have_piled_up_are_those_of_their_reference(identified, tmp_path):
     script, wire = StalledScript(), load_wire(identified.wire_file)
     with Rig(load_rig("in-process")) as rig:

@@ -6,6 +6,7 @@ from math import inf, nan
 
 import programs
 import pytest
+from brief_rig import brief_rig
 from jupyter_client.manager import start_new_kernel
 
 from smadrive.control.controllers.interface import Command
@@ -15,7 +16,7 @@ from smadrive.runs.log.reader import read_log
 from smadrive.scripting.loop.messages import RunProgress
 from smadrive.scripting.progress import is_notebook, progress_text, share_done
 
-EXCITE = "import smadrive\nwith smadrive.open_rig('in-process') as rig: rig.excite()"
+EXCITE = "import smadrive\nwith smadrive.open_rig({rig!r}) as rig: rig.excite()"
 HEAT = """
 import smadrive
 
@@ -54,7 +55,7 @@ def test_progress_names_time_and_values(time_s, duration_s, share, text):
 
 
 def test_terminal_shows_a_line_that_vanishes(tmp_path):
-    text = programs.run_on_terminal([sys.executable, "-c", EXCITE], tmp_path)
+    text = programs.run_on_terminal([sys.executable, "-c", EXCITE.format(rig=brief_rig(tmp_path))], tmp_path)
     assert "exciting, excitation.h5: " in text
     assert re.search(r"of \d+\.\d s · \d+\.\d °C", text)
     assert "━" in text
@@ -62,7 +63,8 @@ def test_terminal_shows_a_line_that_vanishes(tmp_path):
 
 
 def test_script_without_a_terminal_prints_nothing(tmp_path):
-    done = programs.run([sys.executable, "-c", EXCITE], cwd=tmp_path, capture_output=True, text=True, check=True)
+    command = [sys.executable, "-c", EXCITE.format(rig=brief_rig(tmp_path))]
+    done = programs.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "")
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import programs
 import pytest
+from marks import exhaustive
 
 import smadrive
 from smadrive.control.controllers.step import ManualStep
@@ -69,8 +70,8 @@ def assert_interrupted(log_file, error):
 @pytest.mark.parametrize(
     ("handlers", "kind"),
     [
-        ({signal.SIGALRM: times_out}, TimeoutError),
-        ({signal.SIGTERM: exits}, SystemExit),
+        exhaustive({signal.SIGALRM: times_out}, TimeoutError),
+        exhaustive({signal.SIGTERM: exits}, SystemExit),
         ({signal.SIGALRM: times_out, signal.SIGTERM: exits}, SystemExit),
         ({signal.SIGINT: signal.default_int_handler, signal.SIGALRM: times_out}, KeyboardInterrupt),
     ],
@@ -85,7 +86,7 @@ def test_run_has_ended_when_the_exception_of_a_signal_handler_is_raised(rig, tmp
     assert rig.heat(1.0, current_a=0.1, log=tmp_path / "next.h5").trips == 0
 
 
-@pytest.mark.parametrize("use", [lambda rig: rig.off(), lambda rig: rig.close()], ids=["off", "close"])
+@pytest.mark.parametrize("use", [lambda rig: rig.off(), exhaustive(lambda rig: rig.close())], ids=["off", "close"])
 def test_handler_that_uses_the_rig_during_a_run_gets_an_error_and_ends_the_run(tmp_path, use):
     log_file = tmp_path / "heat.h5"
     with smadrive.open_rig("in-process") as rig:

@@ -232,6 +232,7 @@ def test_trip_fails_the_motion_and_ends_at_zero_current(wire, tmp_path):
     assert servo.run.trips == 1
 
 
+@pytest.mark.exhaustive
 def test_closing_the_rig_ends_its_servo(wire, tmp_path):
     with smadrive.open_rig("in-process") as rig:
         servo = rig.servo(wire, tmp_path / "servo.h5")
@@ -258,6 +259,7 @@ def blind():
     return config.model_copy(update={"devices": (board,), "displacement_from": DisplacementFrom.RESISTANCE})
 
 
+@pytest.mark.exhaustive
 def test_servo_warns_of_a_warm_wire_whose_displacement_is_unknown(wire, tmp_path):
     config, counts = load_rig("in-process").model_copy(update={"displacement_from": DisplacementFrom.NONE}), []
     with smadrive.open_rig(config) as rig:
@@ -278,6 +280,7 @@ def test_servo_takes_the_displacement_from_the_resistance(blind, wire, tmp_path)
     assert abs(servo.run.log.columns["by_resistance_mm"][-1] - 5.0) < 0.6
 
 
+@pytest.mark.exhaustive
 def test_servo_by_resistance_needs_the_resistance_of_the_wire(blind, wire, tmp_path):
     without = replace(wire, resistance=None)
     with (
@@ -289,9 +292,9 @@ def test_servo_by_resistance_needs_the_resistance_of_the_wire(blind, wire, tmp_p
     assert refused.value.where == "displacement_from"
 
 
-@pytest.mark.parametrize("lines", [exhaustive(1), 7])
+@pytest.mark.parametrize("lines", [exhaustive(1), 19])
 def test_servo_whose_creation_is_interrupted_at_any_line_can_be_stopped(wire, tmp_path, lines):
-    """An interruption at every line, or at every seventh one."""
+    """An interruption at every line, or at every nineteenth one."""
 
     def interrupt():
         signal.raise_signal(signal.SIGINT)

@@ -105,6 +105,7 @@ def test_measurement_names_invalid_values_by_their_reason():
     assert "limited by current" in text
 
 
+@pytest.mark.exhaustive
 def test_text_of_every_public_object_is_ascii(tmp_path):
     balance = HeatBalance(0.0298, 0.014, 0.83, 22.0, 16.5, -0.12, 0.15)
     broken = Measurement(0.0, 21.5, nan, nan, supply_fault="größer als 1 Ω")

@@ -54,6 +54,7 @@ def test_rules_move_closely_and_stay_certified(rules, move):
     assert moved.certificate().invertible_share > 0.999
 
 
+@pytest.mark.exhaustive
 def test_moving_back_gives_the_same_rules(rules):
     shape = shape_of(rules)
     same = reshaped(rules, shape)

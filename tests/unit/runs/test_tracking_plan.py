@@ -40,6 +40,7 @@ def planned(reference, cycles=None):
         return plan_tracking(rig, reference, WIRE, smooth=True, smooth_option="--smooth", cycling=cycling)
 
 
+@pytest.mark.exhaustive
 def test_smoothed_reference_that_is_closed_is_repeated_without_a_way_back():
     plan = planned(STEPS, 4)
     assert plan.nearest is not plan.given
@@ -62,6 +63,7 @@ def test_continuation_tracks_the_cycles_that_the_previous_part_has_smoothed(smoo
     assert plan.nearest.repeats == 3
 
 
+@pytest.mark.exhaustive
 def test_cycles_that_are_smoothed_again_have_a_caveat():
     part = Cycling(4, (CycleMetrics(1, *6 * (1.0,)),), "part.h5")
     with Rig(load_rig("in-process")) as rig:

@@ -27,6 +27,7 @@ def client():
     client.end()
 
 
+@pytest.mark.exhaustive
 def test_messages_of_two_threads_arrive_whole(client):
     client._connection, far = Pipe()
     arrived = []
