@@ -54,6 +54,29 @@ class DisplacementReading(NamedTuple):
 NO_READING = DisplacementReading(nan, nan)
 
 
+class ResistanceSample(NamedTuple):
+    """One measurement of the resistance, and what the model predicts for its time.
+
+    ohm             resistance, Ω; NaN without current or voltage
+    variance        variance of `ohm` by the noise of voltage and current, Ω²
+    temperature_c   predicted temperature, °C
+    c_per_s         its predicted rate, K/s
+    phase           predicted phase
+    ohm_per_phase   dR/dξ at the predicted temperature and phase, Ω
+    is_cold         True if the wire is so cold that it is martensite after any history
+    shows_leads     True if the current is large enough to measure the leads of a cold wire
+    """
+
+    ohm: float
+    variance: float
+    temperature_c: float
+    c_per_s: float
+    phase: float
+    ohm_per_phase: float
+    is_cold: bool
+    shows_leads: bool
+
+
 class ResistanceSensor:
     """Measures the displacement of `wire` by its `resistance`.
 
@@ -77,55 +100,59 @@ class ResistanceSensor:
         """Return the state of the estimated leads before the first sample."""
         return LeadChange.unknown(self._resistance.martensite_ohm)
 
-    def lead(
-        self,
-        lead: LeadChange,
-        measurement: Measurement,
-        prediction: Prediction,
-        sensor: DisplacementReading,
-        dt_s: float,
-    ) -> LeadChange:
-        """Return the state of the estimated leads after a measurement; `lead` is the state before it.
+    def sample(self, measurement: Measurement, prediction: Prediction) -> ResistanceSample:
+        """Return the sample in `measurement`; `prediction` is the prediction for its time, from the last estimate.
 
-        `prediction` is the prediction for the time of `measurement`, from the last estimate of the wire. `sensor` is
-        the displacement by a sensor. Without this displacement, the leads are measured only while the wire is cold.
+        The resistance is voltage / current, plus the predicted change over the delay of the measurement.
         """
-        resistance, temperature_c = self._resistance, prediction.ahead.temperature_c
+        resistance, c_per_s = self._resistance, prediction.c_per_s
+        temperature_c, phase = prediction.ahead.temperature_c, self._wire.phase(prediction.ahead.hysteresis)
+        slope, current_a = resistance.ohm_per_phase(temperature_c, phase), measurement.current_a
+        ohm = variance = nan
+        if current_a > 0.0 and measurement.voltage_v > 0.0:
+            ohm_per_s = slope * prediction.mm_per_s / self._wire.travel_mm + self._ohm_per_k * c_per_s
+            ohm = measurement.voltage_v / current_a + ohm_per_s * resistance.delay_s
+            variance = (resistance.noise_v / current_a) ** 2
+        is_cold, shows_leads = self.is_cold(prediction.before), current_a > 0.5 * self.cold_a
+        return ResistanceSample(ohm, variance, temperature_c, c_per_s, phase, slope, is_cold, shows_leads)
+
+    def lead(self, lead: LeadChange, sample: ResistanceSample, sensor: DisplacementReading, dt_s: float) -> LeadChange:
+        """Return the state of the estimated leads after `sample`; `lead` is the state `dt_s` before it.
+
+        `sensor` is the displacement by a sensor. Without this displacement, the leads are measured only while the wire
+        is cold.
+        """
+        resistance = self._resistance
         later = lead.later(resistance.martensite_ohm, dt_s)
         if isfinite(sensor.mm):
             phase = self._wire.phase_at(sensor.mm)
             noise = sensor.noise_mm / self._wire.travel_mm
-        elif self.is_cold(prediction.before):
+        elif sample.is_cold:
             phase, noise = 0.0, COLD_PHASE
         else:
             return later
-        slope = resistance.ohm_per_phase(temperature_c, phase)
-        ohm = self._ohm(measurement, prediction, slope)
-        if not isfinite(ohm) or abs(prediction.c_per_s) > FAST_C_PER_S:
+        if not isfinite(sample.ohm) or abs(sample.c_per_s) > FAST_C_PER_S:
             return later
-        lead_ohm = ohm - resistance.ohm(temperature_c, phase)
+        lead_ohm = sample.ohm - resistance.ohm(sample.temperature_c, phase)
         if abs(lead_ohm - lead.mean_ohm) > self._most_jump_ohm:
             return later
-        variance = (resistance.noise_v / measurement.current_a) ** 2 + (slope * noise) ** 2
-        return later.measured(lead_ohm, variance)
+        slope = resistance.ohm_per_phase(sample.temperature_c, phase)
+        return later.measured(lead_ohm, sample.variance + (slope * noise) ** 2)
 
-    def displacement(self, lead: LeadChange, measurement: Measurement, prediction: Prediction) -> DisplacementReading:
-        """Return the displacement by the resistance; the method `lead` explains the arguments.
+    def displacement(self, lead: LeadChange, sample: ResistanceSample) -> DisplacementReading:
+        """Return the displacement by the resistance; `lead` is the state of the estimated leads before `sample`.
 
         The result is `NO_READING` without current or voltage, if the standard deviation reaches `MOST_NOISE`, if the
         phase is far outside its range, if the resistance does not depend on the phase, and while the wire is cold,
         because its phase is then known to be 0.
         """
-        resistance, temperature_c, wire = self._resistance, prediction.ahead.temperature_c, self._wire
-        start = wire.phase(prediction.ahead.hysteresis)
-        slope = resistance.ohm_per_phase(temperature_c, start)
-        ohm = self._ohm(measurement, prediction, slope)
-        if not isfinite(ohm) or slope == 0.0 or self.is_cold(prediction.before):
+        slope, wire = sample.ohm_per_phase, self._wire
+        if not isfinite(sample.ohm) or slope == 0.0 or sample.is_cold:
             return NO_READING
         lead_ohm, lead_variance = lead.estimate(self._systematic)
-        phase = resistance.phase(ohm - lead_ohm, temperature_c, start)
+        phase = self._resistance.phase(sample.ohm - lead_ohm, sample.temperature_c, sample.phase)
         lasting = self._averaged * (lead_variance + self._systematic)
-        noise = sqrt((resistance.noise_v / measurement.current_a) ** 2 + lasting) / abs(slope)
+        noise = sqrt(sample.variance + lasting) / abs(slope)
         if not (noise < MOST_NOISE and -MOST_JUMP < phase < 1.0 + MOST_JUMP):
             return NO_READING
         return DisplacementReading(wire.displacement_mm(phase), noise * abs(wire.travel_mm))
@@ -136,20 +163,6 @@ class ResistanceSensor:
         A smaller load lets the martensite form at lower temperatures.
         """
         return max(before.temperature_c, before.thermocouple_c) - min(before.shift_c, 0.0) < self.cold_c
-
-    def measures_leads(self, measurement: Measurement) -> bool:
-        """Return True if the current is large enough to measure the leads of a cold wire."""
-        return measurement.current_a > 0.5 * self.cold_a
-
-    def _ohm(self, measurement: Measurement, prediction: Prediction, slope: float) -> float:
-        """Return the present resistance in Ω; NaN without current or voltage.
-
-        It is voltage / current, plus the predicted change over the delay of the measurement. `slope` is dR/dξ.
-        """
-        if not measurement.current_a > 0.0 or not measurement.voltage_v > 0.0:
-            return nan
-        ohm_per_s = slope * prediction.mm_per_s / self._wire.travel_mm + self._ohm_per_k * prediction.c_per_s
-        return measurement.voltage_v / measurement.current_a + ohm_per_s * self._resistance.delay_s
 
 
 def _ohm_per_k(wire: WireModel, resistance: WireResistance) -> float:

@@ -170,16 +170,16 @@ class SourceSelection:
             source = DisplacementFrom.SENSOR if isfinite(sensor.mm) else DisplacementFrom.NONE
             state = state if state.source is source else state._replace(source=source)
             return state, Selected(sensor, NO_READING)
-        by_resistance = self._resistance.displacement(state.lead, measurement, prediction)
-        state = self._compared(state, sensor, by_resistance, prediction.mm_per_s * dt_s, dt_s)
+        sample = self._resistance.sample(measurement, prediction)
+        by_resistance = self._resistance.displacement(state.lead, sample)
+        if self._chosen is DisplacementFrom.SENSOR:
+            state = self._compared(state, sensor, by_resistance, prediction.mm_per_s * dt_s, dt_s)
         source = self._source(state, sensor, by_resistance)
-        is_trusted = source is DisplacementFrom.SENSOR and state.valid_ticks > RETURNS_TICKS
-        trusted = sensor if is_trusted else NO_READING
-        lead = self._resistance.lead(state.lead, measurement, prediction, trusted, dt_s)
+        trusted = sensor if source is DisplacementFrom.SENSOR and state.valid_ticks > RETURNS_TICKS else NO_READING
+        lead = self._resistance.lead(state.lead, sample, trusted, dt_s)
         used = {DisplacementFrom.SENSOR: sensor, DisplacementFrom.RESISTANCE: by_resistance}.get(source, NO_READING)
-        is_cold = self._resistance.is_cold(prediction.before)
         is_replaced = state.has_sensor and source is not DisplacementFrom.SENSOR
-        cold_s = state.cold_s + dt_s * self._resistance.measures_leads(measurement) if is_cold else inf
+        cold_s = state.cold_s + dt_s * sample.shows_leads if sample.is_cold else inf
         state = state._replace(lead=lead, source=source, is_replaced=is_replaced, cold_s=cold_s)
         return state, Selected(used, by_resistance)
 
