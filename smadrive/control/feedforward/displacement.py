@@ -33,6 +33,9 @@ WAITING_RANGE_C = 0.5
 READY = 0.0003
 """The branch that a waiting wire needs next begins where the wire has moved by this fraction of the stroke."""
 
+BACK = 0.001
+"""A waiting wire moves back beyond the setpoint by at most this fraction of the stroke: the noise of a sensor."""
+
 MOST_K = 200.0
 """Largest derivative of the temperature with respect to the phase, K.
 
@@ -57,9 +60,7 @@ If the range begins more than this above the ambient temperature, the wire is he
 """
 
 BEYOND_C = 1.0
-"""The target is at most this far above the heating branch at the setpoint, K.
-
-No state needs more. Without this limit, a stuck displacement sensor would request a higher and higher temperature.
+"""The target is at most this far above the heating branch at the setpoint, K: a stuck sensor would request ever more.
 """
 
 CoolingTime = Callable[[float, float], float]
@@ -173,10 +174,7 @@ class HysteresisInverse:
         return TemperatureTarget(inversion.v, k_per_mm, inversion.y, inversion.reachable)
 
     def _k_per_mm(self, per_k: float) -> float:
-        """Return the derivative of the temperature with respect to the displacement, K/mm.
-
-        `per_k` is the slope of the phase, 1/K. The derivative with respect to the phase is at most `MOST_K`.
-        """
+        """Return dT/dy in K/mm for the slope `per_k` of the phase, 1/K. dT/dξ is at most `MOST_K`."""
         return min(1.0 / per_k, MOST_K) / self._travel_mm if per_k > 0.0 else 0.0
 
     def _wait(self, state: HysteresisState, lead: float, direction: int, setpoint_mm: float) -> TemperatureTarget:
@@ -192,10 +190,12 @@ class HysteresisInverse:
         ready = self._inverse.update(state, state.y + direction * READY * self._travel_mm)
         per_k = self._model.slope(ready.state, direction) / self._travel_mm
         back_k = READY / per_k if per_k * WAITING_RANGE_C > READY else 0.0
-        if lead >= per_k * WAITING_RANGE_C:
-            return TemperatureTarget(ready.v - direction * (back_k + WAITING_RANGE_C), 0.0, setpoint_mm)
-        target_c = ready.v - direction * (back_k + lead / per_k)
-        return TemperatureTarget(target_c, self._k_per_mm(per_k), setpoint_mm)
+        follows = lead < per_k * WAITING_RANGE_C
+        target_c = ready.v - direction * (back_k + (lead / per_k if follows else WAITING_RANGE_C))
+        back_per_k = self._model.slope(state, -direction) / self._travel_mm
+        if direction * (state.v - target_c) * back_per_k > lead + BACK:
+            return TemperatureTarget(state.v - direction * (lead + BACK) / back_per_k, 0.0, setpoint_mm)
+        return TemperatureTarget(target_c, self._k_per_mm(per_k) if follows else 0.0, setpoint_mm)
 
     def _waiting_c(self, state: HysteresisState, direction: int, *, is_cold: bool) -> float:
         """Return the temperature at which a wire waits at an end of its travel. A cold wire that falls gets no heat."""

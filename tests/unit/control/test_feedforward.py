@@ -5,10 +5,12 @@ import pytest
 
 from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.control.feedforward.displacement import (
+    BACK,
     BEYOND_C,
     COLD_END,
     COLDER_C,
     MOST_K,
+    READY,
     WAITING_RANGE_C,
     DisplacementFeedforward,
     HysteresisInverse,
@@ -107,6 +109,19 @@ def test_waiting_at_an_end_of_the_travel_does_not_drift(start_c, direction):
         state = LOOP.step(state, target.temperature_c)
     assert not target.reachable
     assert max(targets_c[1:]) - min(targets_c[1:]) < 0.01
+
+
+@pytest.mark.parametrize(("start_c", "direction"), [(88.0, -1), (95.0, -1), (82.0, 1), (75.0, 1)])
+def test_wire_that_waits_does_not_move_back_beyond_the_setpoint(start_c, direction):
+    """Both branches are steep at this temperature, so the wire moves whether it is heated or cooled."""
+    narrow = DuhemModel.gaussian(
+        mu_heating=90, mu_cooling=80, sigma_heating=8, sigma_cooling=8, scale=12, input_range=(0, 160)
+    )
+    state = narrow.initial_state(start_c, 6.0)
+    for lead_mm in (0.0, 0.001, 0.01, 0.1):
+        target = HysteresisInverse(narrow).target(state, state.y - direction * lead_mm, direction)
+        moved_mm = direction * (narrow.step(state, target.temperature_c).y - state.y)
+        assert -(lead_mm + BACK * narrow.scale) - 1e-3 <= moved_mm <= READY * narrow.scale
 
 
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
