@@ -49,7 +49,7 @@ class BranchModel(HysteresisModel):
 
     def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:  # noqa: ARG002
         """Return the state with the input v and the output y, or with the possible output that is nearest to y."""
-        return self.initial_state(v, y)
+        return self._between(float(v), self._admitted(v, y))
 
     def _on_branch(self, v: float) -> HysteresisState:
         w = self.engine.target(v, rising=True)
