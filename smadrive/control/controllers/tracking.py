@@ -23,7 +23,8 @@ from smadrive.control.estimation.prediction import heating_w
 from smadrive.control.estimation.resistance_sensor import DisplacementReading, ResistanceSensor
 from smadrive.control.estimation.source_selection import SourceSelection, SourceState
 from smadrive.control.estimation.wire_estimate import Prediction, WireEstimate
-from smadrive.control.feedforward.displacement import DisplacementFeedforward, DisplacementInverse, Feedforward
+from smadrive.control.feedforward.displacement import DisplacementInverse
+from smadrive.control.feedforward.power import DisplacementFeedforward, Feedforward
 from smadrive.control.feedforward.reversal_preview import Reversal, ReversalPreview
 from smadrive.control.references.reference import Reference
 from smadrive.measurement import DisplacementFrom, Measurement

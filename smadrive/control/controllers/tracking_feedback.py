@@ -12,7 +12,7 @@ from math import inf
 
 from smadrive.control.controllers.feedback import INTEGRATED_C, PIGains, TemperatureFeedback
 from smadrive.control.estimation.wire_estimate import WireEstimate
-from smadrive.control.feedforward.displacement import Feedforward
+from smadrive.control.feedforward.power import Feedforward
 from smadrive.measurement import DisplacementFrom
 from smadrive.wire.wire_model import WireModel
 

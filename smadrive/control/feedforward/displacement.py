@@ -1,4 +1,4 @@
-"""Displacement → temperature → power: the inverse feedforward on the estimated state of the wire.
+"""Displacement → temperature: the inverse hysteresis on the estimated state of the wire.
 
 The inverse starts from the estimated displacement, not from the setpoint. The wire keeps the direction of the
 reference. If the estimate is a little ahead of the reference, the wire waits and does not reverse, because after a
@@ -19,10 +19,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.hysteresis import HysteresisModel, HysteresisState, InverseFeedforward
 from smadrive.wire.branch_temperatures import BranchTemperatures
-from smadrive.wire.wire_model import WireModel, travel_mm
+from smadrive.wire.wire_model import travel_mm
 
 REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire reverses."""
@@ -37,10 +36,9 @@ BACK = 0.001
 """A waiting wire moves back beyond the setpoint by at most this fraction of the stroke: the noise of a sensor."""
 
 MOST_K = 200.0
-"""Largest derivative of the temperature with respect to the phase, K.
+"""Largest derivative of the temperature with respect to the phase, K: about 20 K in the middle of the loop.
 
-In the middle of the loop this derivative is about 20 K. At the foot of a branch, where the wire begins to move, it has
-no bound: without this limit the slightest movement of the setpoint would request the largest power.
+At the foot of a branch it has no bound, so the slightest movement of the setpoint would request the largest power.
 """
 
 COLD_END = 0.003
@@ -68,7 +66,7 @@ CoolingTime = Callable[[float, float], float]
 
 
 def at_once(from_c: float, to_c: float) -> float:  # noqa: ARG001
-    """Return the cooling time of a wire without heat: 0 s."""
+    """Return 0 s: the wire need not cool."""
     return 0.0
 
 
@@ -204,46 +202,3 @@ class HysteresisInverse:
             return self._branches.heating_c(end_mm) - WAITING_RANGE_C
         waiting_c = self._branches.cooling_c(end_mm) + WAITING_RANGE_C
         return min(waiting_c, state.v) if is_cold else waiting_c
-
-
-class Feedforward(NamedTuple):
-    """The setpoint of the wire temperature, the power for it, and the displacement that the wire then has.
-
-    `reachable` is False if the wire cannot get nearer to the displacement setpoint.
-    """
-
-    temperature_c: float
-    power_w: float
-    displacement_mm: float
-    reachable: bool
-
-
-class DisplacementFeedforward:
-    """Computes temperature (by the inverse hysteresis) and power (by the inverse heat balance) for a displacement."""
-
-    def __init__(self, inverse: DisplacementInverse, wire: WireModel) -> None:
-        self._inverse = inverse
-        self._travel_mm = wire.travel_mm
-        self._balance = wire.balance
-
-    def update(self, estimate: WireEstimate, setpoint_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
-        """Return temperature setpoint and power for the displacement `setpoint_mm`, which moves at `rate_mm_per_s`.
-
-        `estimate` is the estimated state of the wire. Its `shift_c` is added to the temperature of the inverse, and its
-        `disturbance_w` is subtracted from the power. `direction` is the direction of the reference: +1 towards the hot
-        end of the travel, -1 towards the cold end.
-        """
-
-        def cooling_s(from_c: float, to_c: float) -> float:
-            return self._balance.cooling_s(from_c + estimate.shift_c, to_c + estimate.shift_c)
-
-        target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s, cooling_s)
-        rate_c_per_s = target.k_per_mm * rate_mm_per_s
-        temperature_c = target.temperature_c + estimate.shift_c
-        power_w = self._balance.power_w(temperature_c, rate_c_per_s, rate_mm_per_s / self._travel_mm)
-        return Feedforward(temperature_c, power_w - estimate.disturbance_w, target.displacement_mm, target.reachable)
-
-    def hold(self, estimate: WireEstimate, temperature_c: float, displacement_mm: float) -> Feedforward:
-        """Return the given setpoints of temperature and displacement, and the power that holds the wire there."""
-        power_w = self._balance.power_w(temperature_c, 0.0, 0.0) - estimate.disturbance_w
-        return Feedforward(temperature_c, power_w, displacement_mm, reachable=True)

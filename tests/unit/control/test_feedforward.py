@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from smadrive.control.estimation.innovation import DisturbanceEvidence
 from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.control.feedforward.displacement import (
     BACK,
@@ -12,9 +13,9 @@ from smadrive.control.feedforward.displacement import (
     MOST_K,
     READY,
     WAITING_RANGE_C,
-    DisplacementFeedforward,
     HysteresisInverse,
 )
+from smadrive.control.feedforward.power import DisplacementFeedforward
 from smadrive.control.feedforward.static_map import StaticMap
 from smadrive.errors import DataError
 from smadrive.hysteresis import DuhemModel, InverseFeedforward, TriangularSets, TSFuzzyDuhem
@@ -74,6 +75,16 @@ def test_wire_ahead_of_a_fast_reference_does_not_reverse(model):
     turns = feedforward.update(at_rest(state), setpoint_mm, 0.003 * model.scale, direction=1)
     assert 89.0 < waits.temperature_c < 90.0
     assert turns.temperature_c < 85.0
+
+
+def test_wire_ahead_of_a_fast_reference_reverses_in_a_disturbance():
+    """A load that falls moves the wire away from the reference faster than the reference follows."""
+    state, feedforward = LOOP.initial_state(90.0), DisplacementFeedforward(HysteresisInverse(LOOP), wire_of(LOOP))
+    loaded = at_rest(state)._replace(evidence=DisturbanceEvidence(level=1.0))
+    turns = feedforward.update(loaded, state.y - 0.025 * LOOP.scale, 0.12 * LOOP.scale, direction=1)
+    waits = feedforward.update(loaded, state.y - 0.005 * LOOP.scale, 0.12 * LOOP.scale, direction=1)
+    assert turns.temperature_c < 85.0
+    assert 89.0 < waits.temperature_c < 90.0
 
 
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
