@@ -33,7 +33,7 @@ PAGE, LOGS = "report.html", "logs"
 
 
 class CampaignProgress(Protocol):
-    """What a campaign reports while its runs are executed."""
+    """Shows the progress of a campaign."""
 
     def finished(self, result: RunResult) -> None:
         """Report a finished run."""

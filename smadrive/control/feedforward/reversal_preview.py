@@ -115,13 +115,13 @@ class ReversalPreview:
         end of the travel, -1 towards the cold end. The wire reverses at the least power if it must cool, otherwise at
         the largest; `limits_w` are these two.
         """
-        upward = 1 if direction / self._wire.travel_mm > 0 else -1
-        reverses_s = reference.next_reversal_s(time_s, upward)
+        direction_mm = 1 if direction / self._wire.travel_mm > 0 else -1
+        reverses_s = reference.next_reversal_s(time_s, direction_mm)
         if reverses_s <= time_s + self._seen_s:
             reversal = self._due(estimate, reference, time_s, reverses_s, direction, limits_w, tolerated=0.0)
             if reversal is not None:
                 return reversal
-        reversed_s = reference.next_reversal_s(time_s - self._seen_s, -upward)
+        reversed_s = reference.next_reversal_s(time_s - self._seen_s, -direction_mm)
         if reversed_s > time_s:
             return None
         return self._due(estimate, reference, time_s, reversed_s, -direction, limits_w, tolerated=LATE)

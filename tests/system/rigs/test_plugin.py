@@ -54,7 +54,6 @@ def test_own_rig_file_is_simulated_whatever_devices_it_names(pytester):
         exhaustive('"in-process"', "*'in-process' has no name. Write rig=, sim= or seed= before it*"),
     ],
 )
-@pytest.mark.exhaustive
 def test_wrong_marker_gives_no_rig(pytester, said, told):
     pytester.makepyfile(MISTAKEN.format(said=said))
     result = pytester.runpytest_subprocess("-p", "no:cacheprovider")

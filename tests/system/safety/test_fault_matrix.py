@@ -40,7 +40,7 @@ SIMILAR = {
     *("board.split", "board.noise", "board.junk_before", "board.junk_after", "board.duplicate"),
     *("supply.corrupt", "supply.wrong_unit", "reader.corrupt", "reader.refuse"),
     *("short_thermocouple", "reverse_thermocouple", "spike_thermocouple", "limit_voltage", "spike_displacement"),
-    *("age_wire", "drift_ambient", "board.delay", "reader.drop", "reader.vanish", "open_switch", "slip_displacement"),
+    *("age_wire", "drift_ambient", "board.delay", "reader.vanish", "open_switch"),
 }
 """Faults whose run is like that of another fault."""
 

@@ -232,7 +232,6 @@ def test_trip_fails_the_motion_and_ends_at_zero_current(wire, tmp_path):
     assert servo.run.trips == 1
 
 
-@pytest.mark.exhaustive
 def test_closing_the_rig_ends_its_servo(wire, tmp_path):
     with smadrive.open_rig("in-process") as rig:
         servo = rig.servo(wire, tmp_path / "servo.h5")
