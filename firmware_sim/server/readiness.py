@@ -7,16 +7,15 @@ import time
 from collections.abc import Iterable
 
 
-def readable(descriptors: Iterable[int], timeout_s: float | None) -> list[int]:
-    """Return the readable descriptors. Wait for at most `timeout_s` until one is readable; None waits forever.
+def readable(descriptors: Iterable[int], timeout_s: float) -> list[int]:
+    """Return the readable descriptors. Wait for at most `timeout_s` until one is readable.
 
-    `poll` counts in whole milliseconds. The function sleeps for the rest of the time, so that no reply is late.
+    `poll` counts in whole milliseconds. The function sleeps for the rest of the time, so that no reply is late. Python
+    handles a signal that arrives just before `poll` begins only after `poll` has returned.
     """
     poll = select.poll()
     for descriptor in descriptors:
         poll.register(descriptor, select.POLLIN)
-    if timeout_s is None:
-        return [descriptor for descriptor, _ in poll.poll()]
     due_s = time.monotonic() + timeout_s
     ready = poll.poll(int(1e3 * timeout_s))
     rest_s = due_s - time.monotonic()

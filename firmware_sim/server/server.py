@@ -27,6 +27,8 @@ from smadrive.files.number_text import parse_number, shortened
 
 STEP_S = 0.01
 _CHUNK = 512
+_HANDLES_SIGNALS_EVERY_S = 0.2
+"""The longest wait in s in lockstep time: a signal that arrives just before a wait is handled after it."""
 
 
 class Simulation(Protocol):
@@ -87,7 +89,7 @@ class Server:
         stdin = sys.stdin.fileno()
         while True:
             endpoints = self._by_descriptor()
-            ready = readable((*endpoints, stdin), None)
+            ready = readable((*endpoints, stdin), _HANDLES_SIGNALS_EVERY_S)
             for descriptor in ready:
                 if descriptor != stdin:
                     self._take_request(endpoints[descriptor], descriptor)
