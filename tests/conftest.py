@@ -14,6 +14,7 @@ import fcntl
 import gc
 import os
 import signal
+import tempfile
 import time
 import uuid
 from collections import Counter
@@ -36,8 +37,8 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-WORKERS_A_CORE = 3
-"""Many tests wait in real time, so a core can serve several workers."""
+WORKERS_A_CORE = 2
+"""Many tests wait in real time, so a core can serve two workers. Each of more workers would also collect all tests."""
 
 BROWSER = "tests/browser/"
 PROCESSES = "tests/system/processes/"
@@ -46,8 +47,8 @@ SYSTEM = "tests/system/"
 OTHER = ""
 FOLDERS = (PROCESSES, BROWSER, SYSTEM, OTHER)
 """The folders of the tests. Those whose tests wait longest come first."""
-PREFERRED = (OTHER, SYSTEM, PROCESSES)
-"""The folder that a worker prefers: the first for one worker a core, the second for one more, the third for the others.
+PREFERRED = (OTHER, PROCESSES)
+"""The folder that a worker prefers: the first for one worker a core, the second for the others.
 
 So some tests compute while others wait, from the start of the run to its end.
 """
@@ -118,7 +119,9 @@ def pytest_collection_finish():
 @pytest.fixture(autouse=True)
 def state_home(tmp_path_factory, monkeypatch):
     """Where this test, and what it starts, keeps state."""
-    folder = tmp_path_factory.mktemp("state")
+    base = tmp_path_factory.getbasetemp() / "state"
+    base.mkdir(exist_ok=True)
+    folder = Path(tempfile.mkdtemp(dir=base))  # numbered folders, as of `mktemp`, cost the more the more there are
     monkeypatch.setenv("XDG_STATE_HOME", str(folder))
     return folder
 

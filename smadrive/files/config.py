@@ -57,8 +57,12 @@ def read_toml(path: Path) -> dict[str, Any]:
 
     ConfigError when the file is missing, unreadable, not a regular file or not valid TOML.
     """
+    return _tables(read_config_text(path), path)
+
+
+def _tables(text: str, path: Path) -> dict[str, Any]:
     try:
-        return parse_toml(read_config_text(path))
+        return parse_toml(text)
     except (ValueError, RecursionError) as error:
         raise invalid_toml(error, path) from None
 
@@ -95,7 +99,15 @@ def load_config(path: Path, kind: type[ConfigT]) -> ConfigT:
 
     ConfigError when the file is missing or wrong; the error names file, key, value and cure in one line.
     """
-    return validate(read_toml(path), kind, where=str(path))
+    return parse_config(read_config_text(path), path, kind)
+
+
+def parse_config(text: str, path: Path, kind: type[ConfigT]) -> ConfigT:
+    """Return the content of `text`, which is that of the file `path`, as an object of `kind`, a subclass of Section.
+
+    ConfigError when the text is wrong; the error names file, key, value and cure in one line.
+    """
+    return validate(_tables(text, path), kind, where=str(path))
 
 
 def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT:

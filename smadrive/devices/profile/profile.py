@@ -6,6 +6,7 @@ error when the file is loaded, for every variant of the device.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, Self
 
@@ -30,7 +31,7 @@ from smadrive.devices.profile.schema import (
 )
 from smadrive.devices.profile.variants import applied, expanded, refuse_ambiguity
 from smadrive.errors import ConfigError
-from smadrive.files.config import Section, load_config
+from smadrive.files.config import Section, parse_config, read_config_text
 from smadrive.files.kinds import PROFILE
 from smadrive.files.number_text import parse_whole
 from smadrive.files.shipped import config_file
@@ -198,12 +199,7 @@ class Profile(Section):
         return f"profile '{self.profile.id}'"
 
     def _check_names(self) -> None:
-        for proof in self.identify:
-            validation.find_register(proof.register_, self.registers, "identify.register")
-            if not proof.ranges and self.registers[proof.register_].writable:
-                raise ValueError(
-                    f"identify: {proof.register_} can be written, so its value proves nothing; it needs ranges"
-                )
+        validation.check_proofs(self.identify, self.registers)
         for variant in self.variants:
             for name in variant.match:
                 validation.find_register(name, self.registers, "variants.match")
@@ -229,8 +225,15 @@ def load_profile(name_or_path: str | Path) -> Profile:
     ConfigError, with file, key and cure, if the file or the choice is wrong.
     """
     name, _, choice = str(name_or_path).partition(":")
-    profile = load_config(config_file(name, PROFILE), Profile)
+    path = config_file(name, PROFILE)
+    profile = _parsed(read_config_text(path), path)
     return profile.chosen(choice) if choice else profile
+
+
+@lru_cache(maxsize=16)
+def _parsed(text: str, path: Path) -> Profile:
+    """Return the profile of the text. A rig loads a profile several times, and a campaign does so in every run."""
+    return parse_config(text, path, Profile)
 
 
 def _raw_of(pair: str, choice: str) -> tuple[str, int]:

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from smadrive.devices.profile.function_codes import read_function, write_function
 from smadrive.devices.profile.register import Register
-from smadrive.devices.profile.schema import DeviceTiming, Forbidden, Roles, SafeWrite, WriteOrder
+from smadrive.devices.profile.schema import DeviceTiming, Forbidden, IdentityRegister, Roles, SafeWrite, WriteOrder
 from smadrive.errors import ConfigError
 from smadrive.files.spelling import suggestion_or_list
 
@@ -85,6 +85,16 @@ def find_register(name: str, registers: Registers, key: str) -> Register:
     if name not in registers:
         raise ValueError(f"{key} names the unknown register '{name}'; {suggestion_or_list(name, registers)}")
     return registers[name]
+
+
+def check_proofs(proofs: tuple[IdentityRegister, ...], registers: Registers) -> None:
+    """Raise ValueError if a proof names an unknown register, or proves nothing because anyone can write its value."""
+    for proof in proofs:
+        register = find_register(proof.register_, registers, "identify.register")
+        if not proof.ranges and register.writable:
+            raise ValueError(
+                f"identify: {proof.register_} can be written, so its value proves nothing; it needs ranges"
+            )
 
 
 def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
