@@ -14,13 +14,14 @@ means ± nine standard deviations, both branches agree to 1e-18, and the state i
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis.branch.certify import certify
-from smadrive.hysteresis.branch.engine import Branch
+from smadrive.hysteresis.branch.engine import Branch, BranchEngine
 from smadrive.hysteresis.branch.model import BranchModel
 from smadrive.hysteresis.branch.tabulate import integrate_rate, quadrature_points, tabulate
 from smadrive.hysteresis.certificate import Certificate
@@ -56,8 +57,7 @@ class DuhemModel(BranchModel):
         _refuse_crossing(heating, cooling, lower, upper)
         self.heating = heating
         self.cooling = cooling
-        engine = tabulate(start, end, self._branches, _NO_KINKS)
-        super().__init__(engine, scale, offset, (lower, upper))
+        super().__init__(_tabulated(heating, cooling, start, end), scale, offset, (lower, upper))
 
     @classmethod
     def gaussian(
@@ -138,8 +138,15 @@ class DuhemModel(BranchModel):
         """
         return certify(self.engine)
 
-    def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
-        return duhem_branches(grid_logs(self.heating, nodes), grid_logs(self.cooling, nodes), nodes)
+
+@lru_cache(maxsize=4)
+def _tabulated(heating: GaussianMixture, cooling: GaussianMixture, start: float, end: float) -> BranchEngine:
+    """Return the tables of a model. Models of equal branches share them: the same wire is often simulated again."""
+
+    def branches(nodes: FloatArray) -> tuple[Branch, Branch]:
+        return duhem_branches(grid_logs(heating, nodes), grid_logs(cooling, nodes), nodes)
+
+    return tabulate(start, end, branches, _NO_KINKS)
 
 
 def _log_gap(heating: MixtureLogs, cooling: MixtureLogs) -> FloatArray:

@@ -41,13 +41,12 @@ class MixtureLogs(NamedTuple):
     pdf: FloatArray
 
 
-def _check_numbers(name: str, values: object) -> None:
-    """Raise ModelError unless `values` is a sequence of numbers."""
+def _numbers(name: str, values: object) -> tuple[float, ...]:
+    """Return the numbers of a sequence. ModelError if `values` is not a sequence of numbers."""
     where = f"mixture: {name}"
     if not isinstance(values, Sequence | np.ndarray):
         raise ModelError("not a sequence", where=where, value=type(values).__qualname__, cure="pass a tuple of numbers")
-    for value in values:
-        real_number(value, where, ModelError)
+    return tuple(real_number(value, where, ModelError) for value in values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +62,7 @@ class GaussianMixture:
 
     def __post_init__(self) -> None:
         for name in ("weights", "means", "sigmas"):
-            _check_numbers(name, getattr(self, name))
+            object.__setattr__(self, name, _numbers(name, getattr(self, name)))  # a list or an array has no hash
         if not len(self.weights) == len(self.means) == len(self.sigmas) > 0:
             counts = len(self.weights), len(self.means), len(self.sigmas)
             what = "unequal numbers of weights, means and sigmas, or no component"

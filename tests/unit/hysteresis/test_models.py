@@ -66,6 +66,14 @@ def test_mixture_needs_a_weight_for_each_component():
     assert error.value.value == (1, 2, 2)
 
 
+@pytest.mark.parametrize("sequence", [list, np.array])
+def test_mixture_of_any_sequence_is_that_of_tuples_and_makes_a_model(sequence):
+    given = GaussianMixture(sequence([0.5, 0.5]), sequence([90, 100]), sequence([3, 3]))
+    assert given == GaussianMixture((0.5, 0.5), (90.0, 100.0), (3.0, 3.0))
+    cooling = GaussianMixture((1.0,), (70,), (3,))
+    assert DuhemModel.mixture(heating=given, cooling=cooling, input_range=(20, 140)).heating == given
+
+
 @pytest.mark.parametrize(
     ("changes", "where"),
     [
