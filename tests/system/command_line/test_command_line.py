@@ -132,6 +132,7 @@ def test_duhem_model_has_no_rules(data):
     assert found["rms_percent"] < 1.0
 
 
+@pytest.mark.exhaustive
 def test_duhem_model_has_the_given_number_of_gaussians_per_branch(data):
     fit = ("identify", "wire.csv", "--output", "strain", "-o", "model.json", "--kind", "duhem")
     for options, count in ((), 2), (("--components", "1"), 1):
@@ -264,6 +265,7 @@ def test_excitation_is_announced_with_plan_curves_and_duration(tmp_path):
     ]
 
 
+@pytest.mark.exhaustive
 def test_run_warns_that_only_tune_adapts_the_rules(track, tmp_path):
     adapting = rig_text("[excitation]", "[feedback]\nadapt = true\n\n[excitation]", rig="in-process")
     (tmp_path / "adapting.toml").write_text(adapting)

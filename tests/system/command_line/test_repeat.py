@@ -184,6 +184,7 @@ def test_mistake_of_a_run_is_a_usage_error(folder, arguments, part):
     assert part in done.stderr
 
 
+@pytest.mark.exhaustive
 def test_way_back_of_a_cycle_is_a_caveat_of_the_run(folder):
     (folder / "wire.json").write_text(WIRE.text())
     ramp = ("--reference", "trapezoid:low_mm=2,high_mm=4,rise_s=8,dwell_s=1,cycles=0.5", "--smooth", "--repeat", "2")

@@ -4,6 +4,7 @@ import json
 import shutil
 import sys
 from dataclasses import replace
+from functools import cache
 from html import unescape
 from html.parser import HTMLParser
 
@@ -38,6 +39,8 @@ WIRE = DuhemModel.gaussian(
 )
 CAVEAT = "the bead is loose"
 CAVEATS = json.dumps([CAVEAT])
+PAGES = {"complete.h5": ("-o", "page.html")}
+"""The options that name the page of a log."""
 
 
 @pytest.fixture(scope="module")
@@ -70,8 +73,10 @@ def trip(path, breaks=lambda device: device.bench.sensors.faults.open_thermocoup
             rig.excite(excitation, record)
 
 
-def report(folder, log, *options):
-    command = [sys.executable, "-m", "smadrive", "report", log, "--json", *options]
+@cache
+def report(folder, log):
+    """Write the page and the table of a log. Return the JSON output, and the page."""
+    command = [sys.executable, "-m", "smadrive", "report", log, "--json", "--csv", f"{log}.csv", *PAGES.get(log, ())]
     done = programs.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     figures = json.loads(done.stdout)
@@ -97,7 +102,7 @@ class Page(HTMLParser):
 
 
 def test_page_of_a_complete_run_has_its_metrics_and_configuration(logs):
-    figures, text = report(logs, "complete.h5", "-o", "page.html")
+    figures, text = report(logs, "complete.h5")
     assert figures["report_file"] == "page.html"
     assert figures["complete"] is True
     assert figures["kind"] == "tracking"
@@ -116,7 +121,7 @@ def test_page_of_a_complete_run_has_its_metrics_and_configuration(logs):
 
 
 def test_json_has_the_caveats_of_the_page(logs):
-    figures, text = report(logs, "tripped.h5", "-o", "caveats.html")
+    figures, text = report(logs, "tripped.h5")
     assert figures["caveats"] == [CAVEAT] == list(run_caveats(read_log(logs / "tripped.h5")))
     assert CAVEAT in unescape(text)
 
@@ -221,7 +226,7 @@ def test_unconfirmed_heater_is_stated_at_the_head(tmp_path):
 
 
 def test_table_has_every_column_and_row(logs):
-    figures, _ = report(logs, "complete.h5", "--csv", "table.csv")
+    figures, _ = report(logs, "complete.h5")
     table = read_table(logs / figures["csv_file"])
     assert next(iter(table.cells)) == "time_s"
     assert {"temperature_c", "displacement_mm", "current_a", "setpoint_mm", "late_s", "limited"} <= table.cells.keys()

@@ -46,6 +46,7 @@ def test_json_leaves_the_terminal_empty(tmp_path):
     assert on_a_terminal("excite", brief_rig(tmp_path), "-o", "l.h5", "--json", cwd=tmp_path) == ""
 
 
+@pytest.mark.exhaustive
 def test_stderr_is_empty_without_a_terminal(tmp_path):
     command = [sys.executable, "-m", "smadrive", "excite", brief_rig(tmp_path), "-o", "l.h5"]
     done = programs.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)

@@ -167,6 +167,7 @@ RESTORES = {
 }
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("fate", [RESTORES["waits"], exhaustive(RESTORES["drops every exception"])], ids=RESTORES)
 def test_interruption_while_a_controller_is_restored_prevents_the_run(identified, tmp_path, fate):
     command = [sys.executable, "-c", RESTORED.format(fate=fate), str(RIGS / "in-process.toml"), identified.wire_file]
@@ -245,6 +246,7 @@ def test_terminated_loop_ends_its_run_confirmed(rig_file, identified, tmp_path):
     assert_off(rig_file)
 
 
+@pytest.mark.exhaustive
 def test_stopped_script_does_not_stop_the_loop(identified, tmp_path):
     with on_a_port(tmp_path) as (rig_file, _), heating(rig_file, identified.wire_file, tmp_path) as (script, _):
         script.send_signal(signal.SIGSTOP)
@@ -273,6 +275,7 @@ def test_idle_loop_that_is_killed_is_an_error_once():
     assert not rig.is_open
 
 
+@pytest.mark.exhaustive
 def test_idle_loop_that_was_stopped_has_not_died():
     rig = smadrive.open_rig("in-process")
     os.kill(rig._client.pid, signal.SIGTERM)
@@ -294,6 +297,7 @@ def test_rig_that_a_script_opens_twice_is_busy_by_this_script(tmp_path):
         assert other.is_open
 
 
+@pytest.mark.exhaustive
 def test_forgotten_rig_ends_its_process():
     rig = smadrive.open_rig("in-process")
     loop = rig._client.pid

@@ -77,6 +77,7 @@ def test_forked_child_cannot_use_the_rig_and_leaves_it_open(tmp_path, how, code)
     assert said == ["True"] * 5 + [f"child ended with {code}", "armed: False", "closed: True"]
 
 
+@pytest.mark.exhaustive
 def test_forked_child_cannot_use_the_servo_and_leaves_it_running(identified, tmp_path):
     said = printed_by(SERVES, identified.wire_file, cwd=tmp_path)
     assert said == ["True"] * 5 + ["child ended with 0", "ticks: True"]

@@ -62,6 +62,7 @@ def test_terminal_shows_a_line_that_vanishes(tmp_path):
     assert text.rstrip().endswith("\x1b[2K")
 
 
+@pytest.mark.exhaustive
 def test_script_without_a_terminal_prints_nothing(tmp_path):
     command = [sys.executable, "-c", EXCITE.format(rig=brief_rig(tmp_path))]
     done = programs.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)

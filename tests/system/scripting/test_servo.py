@@ -291,9 +291,9 @@ def test_servo_by_resistance_needs_the_resistance_of_the_wire(blind, wire, tmp_p
     assert refused.value.where == "displacement_from"
 
 
-@pytest.mark.parametrize("lines", [exhaustive(1), 19])
+@pytest.mark.parametrize("lines", [exhaustive(1), 97])
 def test_servo_whose_creation_is_interrupted_at_any_line_can_be_stopped(wire, tmp_path, lines):
-    """An interruption at every line, or at every nineteenth one."""
+    """An interruption at every line, or at every 97th one."""
 
     def interrupt():
         signal.raise_signal(signal.SIGINT)

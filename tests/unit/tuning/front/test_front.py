@@ -11,6 +11,7 @@ from contextlib import ExitStack, contextmanager
 from urllib.parse import urlsplit
 
 import pytest
+from marks import exhaustive
 from tornado.websocket import websocket_connect
 
 from smadrive.errors import ConfigError
@@ -117,7 +118,9 @@ def test_requests_of_other_sites_are_refused_on_every_path(served, method, path,
     assert served.channel.offs == offs
 
 
-@pytest.mark.parametrize("headers", [{}, {"Sec-Fetch-Site": "none"}, {"Sec-Fetch-Site": "same-origin"}])
+@pytest.mark.parametrize(
+    "headers", [{}, *map(exhaustive, ({"Sec-Fetch-Site": "none"}, {"Sec-Fetch-Site": "same-origin"}))]
+)
 @pytest.mark.parametrize(("method", "path"), [("GET", "/"), ("GET", "/static/js/bokeh.min.js"), ("POST", "/off")])
 def test_requests_of_the_page_and_of_local_programs_are_accepted(served, method, path, headers):
     assert served.status(method, path, headers) == 200
