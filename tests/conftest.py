@@ -37,8 +37,8 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-WORKERS_A_CORE = 2
-"""Many tests wait in real time, so a core can serve two workers. Each of more workers would also collect all tests."""
+WORKERS_A_CORE = 3
+"""Many tests wait in real time, so a core can serve several workers."""
 
 BROWSER = "tests/browser/"
 PROCESSES = "tests/system/processes/"
@@ -47,8 +47,8 @@ SYSTEM = "tests/system/"
 OTHER = ""
 FOLDERS = (PROCESSES, BROWSER, SYSTEM, OTHER)
 """The folders of the tests. Those whose tests wait longest come first."""
-PREFERRED = (OTHER, PROCESSES)
-"""The folder that a worker prefers: the first for one worker a core, the second for the others.
+PREFERRED = (OTHER, SYSTEM, PROCESSES)
+"""The folder that a worker prefers: the first for one worker a core, the second for one more, the third for the others.
 
 So some tests compute while others wait, from the start of the run to its end.
 """
