@@ -8,7 +8,8 @@ A run engine without other subscribers than a counter reads the wire of the ship
     read            heater on: each event is the latest tick, without a trigger
     flight          the events of a flight for each second of the flight, approach included; in real time at most 20
     ophyd.sim       the same plan with the simulated detector that bluesky brings along, if ophyd is installed
-    abort           real time: from `RE.abort()` of a plan that runs and heats to zero current, confirmed by read-back
+    abort           real time: from `RE.abort()` of a plan that runs and heats until the board disarms, at zero current;
+                    and until the engine returns: it waits for the read-back and for the health record of the wire
 """
 
 from __future__ import annotations
@@ -19,9 +20,11 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from queue import SimpleQueue
+from statistics import median
 from typing import Any
 
 import bluesky.plan_stubs as bps
@@ -101,13 +104,25 @@ def rates(engine: RunEngine, counter: Counter, rig: smadrive.OpenRig, wire_file:
     }
 
 
-def abort_s(engine: RunEngine, wire: SmaWire) -> float:
-    """Abort a move that never settles, and return the time until zero current is confirmed.
+class Disarmed:
+    """Notes when a simulated board disarms: it writes a line then, and has no current from that moment."""
 
-    The run engine returns after it has stopped its devices, and `stop` returns after the read-back.
-    """
+    def __init__(self, lines: Iterable[str]) -> None:
+        self.times_s: SimpleQueue[float] = SimpleQueue()
+        threading.Thread(target=self._note, args=(lines,), daemon=True).start()
+
+    def _note(self, lines: Iterable[str]) -> None:
+        for line in lines:
+            if line.endswith("disarmed\n"):
+                self.times_s.put(time.perf_counter())
+
+
+def abort_s(engine: RunEngine, wire: SmaWire, disarmed: Disarmed) -> tuple[float, float]:
+    """Abort a move that never settles. Return the times until the board disarms and until the engine returns."""
     wire.configure(tolerance_mm=1e-6, timeout_s=1e3)
-    aborted_s = []
+    aborted_s: list[float] = []
+    while not disarmed.times_s.empty():
+        disarmed.times_s.get()
 
     def abort() -> None:
         aborted_s.append(time.perf_counter())
@@ -116,7 +131,8 @@ def abort_s(engine: RunEngine, wire: SmaWire) -> float:
     threading.Timer(3.0, abort).start()
     with suppress(RunEngineInterrupted):
         engine(bp.scan([], wire, 6.0, 8.0, 2))
-    return time.perf_counter() - aborted_s[0]
+    returned_s = time.perf_counter() - aborted_s[0]
+    return disarmed.times_s.get(timeout=60.0) - aborted_s[0], returned_s
 
 
 def main() -> None:
@@ -130,19 +146,20 @@ def main() -> None:
             smadrive.identify(rig.excite()).save("wire.json")
             virtual = rates(engine, counter, rig, Path("wire.json"), EVENTS)
         with (
-            served("--pty", f"{folder}/port") as (_, url),
+            served("--pty", f"{folder}/port") as (process, url),
             smadrive.open_rig(load_rig("simulated").at(url + PATIENT)) as rig,
         ):
             real = rates(engine, counter, rig, Path("wire.json"), 100)
             wire = SmaWire(rig, "wire.json")
-            times_s = sorted(abort_s(engine, wire) for _ in range(ABORTS))
+            disarmed = Disarmed(process.stderr)
+            aborts_s = [abort_s(engine, wire, disarmed) for _ in range(ABORTS)]
     print(f"{'events per second':<20}{'virtual':>9}{'real':>9}")
     for name, value in virtual.items():
         print(f"{name:<20}{value:>9.0f}{real[name]:>9.0f}")
     print(f"ophyd.sim           {_of_ophyd(engine, counter):>9}")
-    median_s, longest_s = times_s[len(times_s) // 2], times_s[-1]
-    times = f"median {1e3 * median_s:.0f} ms, longest {1e3 * longest_s:.0f} ms of {ABORTS}"
-    print(f"abort to zero current: {times}, limit {1e3 * LIMIT_S:.0f} ms")
+    for what, times_s in zip(("the board disarms", "the engine returns"), zip(*aborts_s, strict=True), strict=True):
+        times = f"median {1e3 * median(times_s):.0f} ms, longest {1e3 * max(times_s):.0f} ms of {ABORTS}"
+        print(f"abort until {what}: {times}, limit {1e3 * LIMIT_S:.0f} ms")
 
 
 def _of_ophyd(engine: RunEngine, counter: Counter) -> str:
