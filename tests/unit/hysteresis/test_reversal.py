@@ -5,7 +5,7 @@ import pytest
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DeadBand, filter_reversals
-from smadrive.hysteresis.reversal import monotone_runs, turning_points
+from smadrive.hysteresis.reversal import Play, monotone_runs, turning_points
 
 TRUTH = np.concatenate([np.linspace(20, 100, 800), np.linspace(100, 50, 500), np.linspace(50, 120, 700)])
 NOISY = TRUTH + 0.2 * np.random.default_rng(1).standard_normal(len(TRUTH))
@@ -54,6 +54,18 @@ def test_small_reversals_leave_the_output_constant():
 def test_radius_of_zero_changes_nothing():
     np.testing.assert_array_equal(filter_reversals(NOISY, 0.0), NOISY)
     np.testing.assert_allclose(monotone_runs(NOISY, 0.0), NOISY, atol=1e-12)
+
+
+@pytest.mark.parametrize("turn", [70.0, 50.0])
+def test_resized_dead_band_keeps_its_output_and_passes_what_its_new_radius_passes(turn):
+    play = Play(60.0).moved(turn, 1.0)
+    resized = play.resized(1.0, 0.2)
+    assert resized.output(0.2) == play.output(1.0) == turn
+    back = turn + (0.3 if turn < 60.0 else -0.3)
+    assert play.moved(back, 1.0).output(1.0) == turn
+    assert resized.moved(back, 0.2).output(0.2) == pytest.approx(turn)
+    further = turn + (0.5 if turn < 60.0 else -0.5)
+    assert resized.moved(further, 0.2).output(0.2) == pytest.approx(further)
 
 
 def test_constant_input_stays_constant():
