@@ -1,5 +1,7 @@
 """Shipped profiles load. A profile that could lead to a wrong value or a harmful write is an error."""
 
+from contextlib import nullcontext
+
 import pytest
 
 from smadrive.devices.profile.profile import load_profile
@@ -100,3 +102,13 @@ def test_a_role_that_is_not_bound_is_named(tmp_path):
         load_profile(path).role("watchdog_s")
     assert error.value.where == "profile 'sma-reference'"
     assert error.value.cure == 'name its register in [roles]: watchdog_s = "REGISTER"'
+
+
+def test_changed_file_is_loaded_again(tmp_path):
+    file = tmp_path / "reader.toml"
+    text = (configs_dir() / "devices" / "autonics-tk.toml").read_text(encoding="utf-8")
+    assert "unit_id = 1\n" in text
+    for unit_id in (1, 2, 300, 1):
+        file.write_text(text.replace("unit_id = 1\n", f"unit_id = {unit_id}\n"), encoding="utf-8")
+        with pytest.raises(ConfigError) if unit_id == 300 else nullcontext():
+            assert load_profile(file).unit_id == unit_id
