@@ -34,6 +34,8 @@ FOREIGN = [
     {"Sec-Fetch-Site": "cross-site"},
     {"Sec-Fetch-Site": "same-site"},
 ]
+OWN = (None, "none", "same-origin")
+"""The values of the header Sec-Fetch-Site of local programs and of the page itself."""
 UPGRADE = {
     "Upgrade": "websocket",
     "Connection": "Upgrade",
@@ -119,11 +121,16 @@ def test_requests_of_other_sites_are_refused_on_every_path(served, method, path,
 
 
 @pytest.mark.parametrize(
-    "headers", [{}, *map(exhaustive, ({"Sec-Fetch-Site": "none"}, {"Sec-Fetch-Site": "same-origin"}))]
+    ("method", "path", "site"),
+    [
+        *(("POST", "/off", site) for site in OWN),
+        *(("GET", "/static/js/bokeh.min.js", site) for site in OWN),
+        ("GET", "/", "same-origin"),
+        *(exhaustive("GET", "/", site) for site in (None, "none")),  # each builds a page
+    ],
 )
-@pytest.mark.parametrize(("method", "path"), [("GET", "/"), ("GET", "/static/js/bokeh.min.js"), ("POST", "/off")])
-def test_requests_of_the_page_and_of_local_programs_are_accepted(served, method, path, headers):
-    assert served.status(method, path, headers) == 200
+def test_requests_of_the_page_and_of_local_programs_are_accepted(served, method, path, site):
+    assert served.status(method, path, {} if site is None else {"Sec-Fetch-Site": site}) == 200
 
 
 def test_off_is_answered_despite_many_idle_connections(served):
