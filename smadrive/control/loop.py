@@ -16,14 +16,7 @@ from typing import NamedTuple, Protocol
 
 from smadrive.clock import Clock
 from smadrive.control.controllers.interface import Command, Controller
-from smadrive.errors import (
-    DeviceError,
-    ExceptionReply,
-    ProtocolError,
-    TakenOverError,
-    TransportError,
-    TripError,
-)
+from smadrive.errors import DeviceError, ExceptionReply, ProtocolError, TakenOverError, TransportError, TripError
 from smadrive.measurement import Measurement
 from smadrive.safety.faults import Fault, Trip
 from smadrive.safety.shutdown import NOT_TRIED, carry, ends_safe, shut_down
@@ -31,6 +24,9 @@ from smadrive.safety.supervisor import Supervisor
 
 LATE_FRACTION = 0.5
 """A tick has missed its deadline if it starts more than this share of the period after the deadline."""
+
+ROUNDING = 1e-9
+"""Share of the period that rounding errors of times stay below."""
 
 StopRequested = Callable[[], bool]
 """Returns True if the user has requested a stop. The loop calls this function before every tick."""
@@ -178,8 +174,13 @@ class ControlLoop:
             number += 1 + self._skipped(due_s)
 
     def _skipped(self, due_s: float) -> int:
-        """Return the number of deadlines that passed during the tick due at `due_s`. Their ticks are left out."""
-        skipped = max(int((self._clock.now_s() - due_s) / self._period_s - LATE_FRACTION), 0)
+        """Return the number of deadlines that passed during the tick due at `due_s`. Their ticks are left out.
+
+        A tick may start late, but not at the time of the last measurement, as it could with a virtual clock.
+        """
+        now_s = self._clock.now_s()
+        late = LATE_FRACTION if now_s - self._start_s > self._last_s else -ROUNDING
+        skipped = max(int((now_s - due_s) / self._period_s - late), 0)
         self.metrics.missed_deadlines += skipped
         self._overran = skipped > 0
         return skipped
