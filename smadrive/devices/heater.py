@@ -64,7 +64,7 @@ class Heater:
         self.limits = limits
         self._clock = clock
         self.thermometer = thermometer
-        self._displacement = displacement
+        self.displacement = displacement
         self._guard = guard
         self._stop = stop
         self._corrections = corrections
@@ -84,7 +84,7 @@ class Heater:
     def connect(self) -> Measurement:
         """Prove the identity of every device, write its safe state, and return a measurement. Nothing is armed."""
         self.source.connect()
-        for sensor in (self.thermometer, self._displacement):
+        for sensor in (self.thermometer, self.displacement):
             if sensor is not None:
                 sensor.connect()
         if self._guard is not None:
@@ -222,7 +222,7 @@ class Heater:
 
     def _measurement(self, supplied: Supplied, in_force_a: float, limits: tuple[str, ...]) -> Measurement:
         temperature = self._sample("temperature", supplied.temperature, self.thermometer)
-        displacement = self._sample("displacement", supplied.displacement, self._displacement)
+        displacement = self._sample("displacement", supplied.displacement, self.displacement)
         now_s = self._clock.now_s()
         self._temperature_c = self._corrections.temperature.corrected(temperature.value)
         return Measurement(

@@ -2,6 +2,9 @@
 
 If the sensor does not answer, or answers with an error, the previous reading is used until it is older than `stale_s`.
 Then the value is invalid. A failure of the sensor raises no error, so the measurement of the heat source is not lost.
+
+The loop waits for each missing reply. A sensor that has failed for longer than `stale_s` is therefore read less often,
+so that the loop keeps its rate and another source can replace the value.
 """
 
 from __future__ import annotations
@@ -12,6 +15,9 @@ from smadrive.clock import Clock
 from smadrive.devices.device import Device
 from smadrive.devices.heating.heat_source import Sample
 from smadrive.errors import DeviceError, ProtocolError, SmadriveError, TransportError
+
+FAILED_PAUSE = 20.0
+"""Pause before the next reading of a sensor that has failed for long, in multiples of the time of its last failure."""
 
 
 class PolledSensor:
@@ -28,6 +34,7 @@ class PolledSensor:
         self._due_s = -inf
         self._last = Sample(nan, -inf, f"no {quantity} has been read yet")
         self._failure: SmadriveError | None = None
+        self._failing_since_s = inf
 
     @property
     def timeout_s(self) -> float:
@@ -52,17 +59,21 @@ class PolledSensor:
         now_s = self._clock.now_s()
         if now_s >= self._due_s:
             self._due_s = max(self._due_s, now_s - self.period_s) + self.period_s
-            self._poll()
+            self._poll(now_s)
         age_s = self._clock.now_s() - self._last.time_s
         if age_s > self._stale_s and self._last.problem is None:
             return Sample(nan, self._last.time_s, f"no new {self._quantity} for {age_s:.2f} s ({self._failure})")
         return self._last
 
-    def _poll(self) -> None:
+    def _poll(self, now_s: float) -> None:
         try:
             reading = self._device.read((self._name,))[self._name]
         except (TransportError, ProtocolError, DeviceError) as error:
             self._failure = error
+            self._failing_since_s = min(self._failing_since_s, now_s)
+            failed_s = self._clock.now_s()
+            if failed_s - self._failing_since_s > self._stale_s:
+                self._due_s = max(self._due_s, failed_s + FAILED_PAUSE * (failed_s - now_s))
             return
-        self._failure = None
+        self._failure, self._failing_since_s = None, inf
         self._last = Sample(reading.value, self._clock.now_s(), reading.invalid)

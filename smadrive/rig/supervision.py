@@ -173,8 +173,9 @@ def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) 
     """Raise ConfigError if the wire can overheat between two temperature readings.
 
     The loop reads the temperature at most once per period. Until the readings that a trip needs show that the wire has
-    passed its limit, current_max_a may heat it further, by `LARGEST_EXCESS_K` at most. If a separate thermometer falls
-    silent, the same current flows until the first missing reply has been awaited (see `HeaterLimits.holding_a`).
+    passed its limit, current_max_a may heat it further, by `LARGEST_EXCESS_K` at most. A displacement sensor that falls
+    silent delays each of these readings. If a separate thermometer falls silent, the same current flows until the first
+    missing reply has been awaited (see `HeaterLimits.holding_a`).
 
     A heat source with a temperature limit of its own needs no reading of the loop: it compares its measurements with
     this limit itself.
@@ -190,8 +191,10 @@ def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) 
             limit=f"{distinct(most_s, period_s)} s",
             cure=FASTER,
         )
-    awaited_s = 0.0 if heater.thermometer is None else heater.thermometer.timeout_s
-    unseen_s = READINGS_TO_TRIP * period_s + awaited_s
+    delay_s, awaited_s = (
+        0.0 if sensor is None else sensor.timeout_s for sensor in (heater.displacement, heater.thermometer)
+    )
+    unseen_s = READINGS_TO_TRIP * (period_s + delay_s) + awaited_s
     excess_k = _excess_k(config, balance, unseen_s)
     if excess_k > LARGEST_EXCESS_K:
         raise ConfigError(
