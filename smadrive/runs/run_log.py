@@ -78,6 +78,8 @@ class TickRecorder(Recorder):
         faults = measurement.device_faults
         if measurement.temperature_fault is not None:
             faults = (*faults, f"thermocouple {measurement.temperature_fault}")
+        if measurement.supply_fault is not None:
+            faults = (*faults, f"current or voltage {measurement.supply_fault}")
         if faults != self._faults:
             self._faults = faults
             self.event(f"faults: {', '.join(faults) or 'cleared'}")

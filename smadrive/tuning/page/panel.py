@@ -170,7 +170,7 @@ def banner_html(status: dict[str, Any], note: str) -> str:
 
 
 def _device_lines(status: dict[str, Any], clear: str) -> list[tuple[str, str]]:
-    """Return lines about a lost device, an unexpected current, latched faults and the thermocouple.
+    """Return lines about a lost device, an unexpected current, latched faults and missing readings.
 
     Each line has its CSS classes and its text.
     `clear` is the instruction for clearing latched faults.
@@ -185,6 +185,8 @@ def _device_lines(status: dict[str, Any], clear: str) -> list[tuple[str, str]]:
         lines.append(("bad", f"latched on the device: {latched}; remove the cause, then {clear}"))
     if status["temperature_fault"]:
         lines.append(("bad", f"thermocouple: {status['temperature_fault']}"))
+    if status["supply_fault"]:
+        lines.append(("bad", f"current or voltage unknown: {status['supply_fault']}"))
     return lines
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from smadrive.tuning.page.panel import SENSOR_REPLACED, banner_html, chips_html, scores_html
+from smadrive.tuning.page.panel import SENSOR_REPLACED, banner_html, chips_html, scores_html, watch_banner_html
 
 
 @pytest.mark.parametrize(("scored", "text"), [(0, "not scored"), (1, "RMS, 1 turn<"), (2, "RMS, 2 turns<")])
@@ -55,3 +55,11 @@ def test_current_that_flows_although_the_heater_is_off_raises_an_alarm(rig):
     assert rig.status["mode"] == "off"
     assert 'bad"><i>heater<' in chips_html(rig.status, "", late=False, controls=True)
     assert warning in banner_html(rig.status, "")
+
+
+def test_reading_that_is_missing_raises_an_alarm(rig):
+    rig.do(0.2, rig.device.bench.sensors.faults.lose_current)
+    rig.run(until_s=1.0)
+    reason = rig.status["supply_fault"]
+    assert reason in banner_html(rig.status, "")
+    assert reason in watch_banner_html(rig.status)
