@@ -140,7 +140,8 @@ class Journal:
         """Read the finished runs, and remove the lines from the first damaged one on.
 
         Return False if the first line has no end, because a kill or a full disk cut it: then no run is finished.
-        DataError for another text without an end: the file may belong to another program.
+        DataError for another text without an end, because the file may belong to another program, and for a copy of
+        another campaign file.
         """
         head, *lines = self._file.readall().splitlines(keepends=True) or [b""]
         is_begun = head.endswith(b"\n")
@@ -149,6 +150,8 @@ class Journal:
             self._read_runs(head, lines)
         elif not checked_line(self._head()).startswith(head):
             raise self._damaged_head()
+        elif (copy := self.folder / COPY).exists() and copy.read_bytes() != self._plan.text.encode():
+            raise self._of_another_campaign(COPY)
         self._file.truncate(self._end)
         self._file.seek(self._end)
         return is_begun
@@ -177,13 +180,7 @@ class Journal:
                 cure="go on with that version, or choose another folder without --resume",
             )
         if entry.get("fingerprint") != self._plan.fingerprint:
-            raise DataError(
-                "the folder belongs to another campaign, or a file that the campaign names has changed",
-                where=self.folder,
-                value=entry.get("title"),
-                cure=f"give the same campaign file, of which {COPY} in the folder is a copy, with the same files; or "
-                "choose another folder without --resume",
-            )
+            raise self._of_another_campaign(entry.get("title"))
         if (found := entry.get("versions")) != (own := table_versions()):
             raise DataError(
                 "other versions of the packages began this campaign, so its runs may differ",
@@ -192,6 +189,15 @@ class Journal:
                 limit=_joined(own),
                 cure="install the same versions, or choose another folder without --resume",
             )
+
+    def _of_another_campaign(self, value: str | None) -> DataError:
+        return DataError(
+            "the folder belongs to another campaign, or a file that the campaign names has changed",
+            where=self.folder,
+            value=value,
+            cure=f"give the same campaign file, of which {COPY} in the folder is a copy, with the same files; or "
+            "choose another folder without --resume",
+        )
 
     def _damaged_head(self) -> DataError:
         what = "the first line is damaged, or not that of the journal of this campaign"

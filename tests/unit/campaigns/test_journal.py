@@ -94,6 +94,17 @@ def test_journal_whose_first_line_is_cut_is_begun_again(short_campaign, tmp_path
         assert list(journal.results) == [1]
 
 
+def test_campaign_file_of_another_campaign_is_kept_before_its_first_line(short_campaign, tmp_path):
+    plan, folder = short_campaign(), tmp_path / "folder"
+    folder.mkdir()
+    (folder / JOURNAL).touch()
+    (folder / COPY).write_bytes(b"\xff")
+    with pytest.raises(DataError) as caught, Journal(folder, plan, resume=True):
+        pass
+    assert caught.value.where == str(folder)
+    assert (folder / COPY).read_bytes() == b"\xff"
+
+
 @pytest.mark.parametrize("text", [b'{"event": "started"}', b"\0" * 64, b"{}"], ids=["json", "zeros", "empty"])
 def test_file_of_another_program_is_kept(short_campaign, tmp_path, text):
     """Its only line has no end, like a line that a kill has cut."""
