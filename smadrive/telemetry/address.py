@@ -108,8 +108,9 @@ def _split(url: str) -> SplitResult:
         parts = urlsplit(url)
         has_port = parts.port != 0
         (parts.hostname or "").encode("idna")  # the form in which a name is looked up; an IP address stays
+        url.encode()
     except ValueError:  # UnicodeError is a ValueError, too
-        raise _unusable("its port or host is not valid", url) from None
+        raise _unusable("its port, its host or a character is not valid", url) from None
     if parts.password is not None:
         cure = f"remove it, and set the environment variable {PASSWORD_VARIABLE}, or add ?{PASSWORD_FILE}=FILE"
         raise ConfigError("an address must not hold a password", where=WHERE, cure=cure)
@@ -129,11 +130,14 @@ def _unusable(what: str, url: str) -> ConfigError:
 
 def _keys(parts: SplitResult) -> dict[str, str]:
     known_keys = (*TLS_FILES, PASSWORD_FILE)
-    keys = dict(parse_qsl(parts.query, keep_blank_values=True))
-    for key in keys:
+    keys: dict[str, str] = {}
+    for key, value in parse_qsl(parts.query.replace("+", "%2B"), keep_blank_values=True):  # a + is no space here
         if key not in known_keys:
             cure = suggestion_or_list(key, known_keys)
             raise ConfigError("unknown key", where=WHERE, value=key, cure=cure)
+        if key in keys:
+            raise ConfigError("given twice", where=WHERE, value=key, cure="remove one of the two")
+        keys[key] = value
     return keys
 
 

@@ -118,6 +118,7 @@ class Publisher:
         if is_new:
             self._connections = self._broker.connections
             self._sent.clear()
+            self._end = None
             self._counters["connections"] = self._connections_before + self._connections
         is_ready = self._broker.is_ready  # read first: an answer that arrives now must not be ready without its trouble
         self._counters.trouble = self._broker.trouble

@@ -15,7 +15,7 @@ def test_defaults():
 
 
 def test_every_part(tmp_path):
-    secret = tmp_path / "secret"
+    secret = tmp_path / "a+b"
     secret.write_text("s3cret\n")
     address = parse_address(f"mqtts://lab%20user@[::1]:9000/lab/wires?password_file={secret}", {})
     assert (address.host, address.port, address.tls, address.prefix) == ("::1", 9000, True, "lab/wires")
@@ -41,6 +41,8 @@ def test_password_comes_from_the_environment():
         ("mqtt://broker..lab", "--publish"),
         (f"mqtt://{64 * 'a'}.lab", "--publish"),
         ("mqtt://broker:0", "--publish"),
+        ("mqtt://broker/\udcff", "--publish"),
+        ("mqtt://\udcff@broker", "--publish"),
         ("mqtt://broker:abc", "--publish"),
         ("mqtt://broker/a/%23", "--publish: prefix"),
         ("mqtt://broker/a/+", "--publish: prefix"),
@@ -49,6 +51,7 @@ def test_password_comes_from_the_environment():
         ("mqtt://broker?password_file=missing", "--publish: password_file"),
         (f"mqtt://broker?password_file={__file__}", "--publish: password_file"),
         ("mqtts://broker?ca_file=missing", "--publish: ca_file"),
+        (f"mqtts://broker?ca_file={__file__}&ca_file={__file__}", "--publish"),
         (f"mqtt://broker?ca_file={__file__}", "--publish: ca_file"),
         (f"mqtts://broker?cert_file={__file__}", "--publish: cert_file and key_file"),
         (f"mqtts://broker?ca_file={__file__}", "--publish: ca_file and cert_file and key_file"),
