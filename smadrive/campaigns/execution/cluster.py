@@ -145,7 +145,8 @@ def check_address(address: str) -> None:
     try:
         parts = urlsplit(address)
         is_address = parts.scheme in PROTOCOLS and bool(parts.hostname) and parts.port is not None
-    except ValueError:
+        (parts.hostname or "").encode("idna")  # the form in which a name is looked up
+    except ValueError:  # UnicodeError is a ValueError, too
         is_address = False
     if not is_address:
         cure = "write an address such as tcp://192.168.1.10:8786"

@@ -12,10 +12,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from smadrive.campaigns.plan.config import AxisConfig, GridConfig
+from smadrive.campaigns.plan.config import AxisConfig, GridConfig, RunSettings
+from smadrive.campaigns.plan.files import check_name
 from smadrive.errors import ConfigError
 from smadrive.files.config import validate
 from smadrive.files.number_text import shortened
+from smadrive.files.spelling import suggestion_or_list
 
 MOST_RUNS = 1_000_000
 """The largest number of runs of a campaign. Even short runs of this number take days on a large cluster."""
@@ -78,6 +80,7 @@ def _check_paths(axes: tuple[Axis, ...]) -> None:
 
 
 def _axis(config: AxisConfig, seed: int, folder: Path, where: str) -> Axis:
+    _check_keys(config.model_extra or {}, where)
     lists = dict(_lists(config.model_extra or {}, where))
     if "experiment" in lists:
         cure = "write it in [run], and a campaign file for each experiment"
@@ -107,6 +110,13 @@ def _axis(config: AxisConfig, seed: int, folder: Path, where: str) -> Axis:
     first, values = next(iter(lists.items()))
     settings = tuple(dict(zip(lists, combined, strict=True)) for combined in zip(*lists.values(), strict=True))
     return Axis(config.name or first, _levels(config, values, folder, where), settings, is_sample)
+
+
+def _check_keys(table: Mapping[str, Any], where: str) -> None:
+    """Raise ConfigError for a key that is neither a key of an axis nor a setting of [run]."""
+    known = AxisConfig.model_fields.keys() | RunSettings.model_fields.keys()
+    if unknown := [key for key in table if key not in known and "." not in key]:
+        raise ConfigError("unknown key", where=where, value=unknown[0], cure=suggestion_or_list(unknown[0], known))
 
 
 def _check_size(number: int, where: str) -> None:
@@ -147,7 +157,10 @@ def _files(pattern: str, folder: Path, where: str) -> list[str]:
     found = sorted(glob(pattern, root_dir=folder, recursive=True))  # noqa: PTH207
     if not found:
         raise ConfigError("no file has a name of this pattern", where=f"{where}: records", value=str(folder / pattern))
-    return [str((folder / path).absolute()) for path in found]
+    paths = [(folder / path).absolute() for path in found]
+    for path in paths:
+        check_name(path)
+    return list(map(str, paths))
 
 
 def _levels(config: AxisConfig, values: list[Any], folder: Path, where: str) -> tuple[Level, ...]:

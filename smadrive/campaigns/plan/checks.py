@@ -6,7 +6,7 @@ A key without an effect is an error. Otherwise the table would name a setting th
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from smadrive.campaigns.plan.axes import Axis
@@ -29,15 +29,20 @@ EXCLUDED = {
     "fit": ("model", "the run identifies no wire"),
     "rig.excitation": ("model", "the run identifies no wire"),
     "rig.wire": ("wire.diameter_mm", "its wire has a data sheet of its own"),
+    "sim.transformation.kind": ("wire.seed", "a random wire has a kind of its own, which `wire.kind` sets"),
 }
 """Keys that have no effect together with another key: the other key, and the reason."""
 
-OF_COMMANDS = {
+OF_OTHERS = {
     "rig.feedback.adapt": ("only `smadrive tune` adapts the rules", "remove it"),
     "rig.model": ("its runs use the key `model` of [run]", "remove it, or write `model` in its place"),
     "rig.off_by_mqtt": ("it publishes nothing to a broker", "remove it"),
+    "sim.devices": ("its devices are those of the rig", "remove it, or change `rig.devices`"),
 }
-"""The keys of a rig that have no effect in any campaign: reason and cure."""
+"""The keys of rig and simulated wire that have no effect in any campaign: reason and cure."""
+
+OF_SENSOR = "_displacement"
+"""The end of the names of the faults of a displacement sensor."""
 
 Table = Mapping[str, Any]
 """The keys that a campaign file sets for a run."""
@@ -51,13 +56,24 @@ class _Useless(NamedTuple):
     cure: str
 
 
-def check_settings(table: Table, settings: RunSettings, axes: Sequence[Axis]) -> None:
+def check_seeds(table: Table, axes: Sequence[Axis]) -> None:
+    """Raise ConfigError if `table`, the table [run], sets a seed that random wires or repeats count up."""
+    for number, axis in enumerate(axes, 1):
+        for key in filter(lambda path: axis.is_sample and _is_set(table, path), axis.settings[0]):
+            why = f"because [[vary]] {number} counts up from the seed of the campaign"
+            cure = "remove it, or set the seed of the campaign: the key `seed` before [run]"
+            raise ConfigError(f"has no effect, {why}", where=f"[run]: {key}", value=_value(table, key), cure=cure)
+
+
+def check_settings(table: Table, settings: RunSettings, axes: Sequence[Axis], faults: Sequence[str]) -> None:
     """Raise ConfigError for a run that lacks a setting, or whose settings contradict each other or have no effect.
 
     `settings` are the settings of the run, and `table` the keys that the file sets for it, in [run] or on `axes`.
+    `faults` are the faults of its disturbance.
     """
     _check_complete(settings)
-    for useless in _useless(table, settings):
+    varied = {path for axis in axes for path in axis.settings[0]}
+    for useless in (*_useless(table, settings), *_useless_alone(table, settings, varied, faults)):
         where = f"{_table_of(useless.key, axes)}: {useless.key}"
         raise ConfigError(f"has no effect {useless.why}", where=where, cure=useless.cure)
 
@@ -92,18 +108,38 @@ def _useless(table: Table, settings: RunSettings) -> Iterator[_Useless]:
     for key, (other, why) in EXCLUDED.items():
         if _is_set(table, key) and _is_set(table, other):
             yield _Useless(key, f"with {other}: {why}", "remove one of the two keys")
-    for key, (why, cure) in OF_COMMANDS.items():
+    for key, (why, cure) in OF_OTHERS.items():
         if _is_set(table, key):
             yield _Useless(key, f"in a campaign: {why}", cure)
 
 
+def _useless_alone(
+    table: Table, settings: RunSettings, varied: Collection[str], faults: Sequence[str]
+) -> Iterator[_Useless]:
+    """Yield the keys that the run cannot use, unless the setting on which this depends varies between the runs."""
+    if settings.controller == "feedback-only" and "controller" not in varied:
+        by_sensor = settings.displacement_sensor and settings.rig.get("displacement_from", "sensor") == "sensor"
+        key = "rig.feedback" if by_sensor else "rig.feedback.feedforward_share"
+        if _is_set(table, key):
+            yield _Useless(key, 'with controller = "feedback-only": it has gains of its own', "remove it")
+    of_sensor = [fault for fault in faults if fault.endswith(OF_SENSOR)]
+    if of_sensor and not settings.displacement_sensor and "displacement_sensor" not in varied:
+        why = f"without a displacement sensor, because of its fault '{of_sensor[0]}'"
+        yield _Useless("disturbance", why, "remove this fault, or the key `displacement_sensor`")
+
+
 def _is_set(table: Table, key: str) -> bool:
     """Return True if the file sets the key, a path such as `wire.alloy`."""
+    return _value(table, key) is not None
+
+
+def _value(table: Table, key: str) -> Any:
+    """Return the value of a key, a path such as `wire.alloy`; None if the file does not set it."""
     first, _, rest = key.partition(".")
-    if not rest or first not in table:
-        return first in table
-    inner = table[first]
-    return isinstance(inner, Mapping) and _is_set(inner, rest)
+    inner = table.get(first)
+    if not rest:
+        return inner
+    return _value(inner, rest) if isinstance(inner, Mapping) else None
 
 
 def _table_of(key: str, axes: Sequence[Axis]) -> str:

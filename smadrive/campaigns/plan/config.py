@@ -49,8 +49,8 @@ class WireSettings(Section):
     kind          kind of hysteresis of a random wire; by default random; needs `seed`
     """
 
-    diameter_mm: float | None = Field(default=None, gt=0)
-    length_m: float = Field(default=0.3, gt=0)
+    diameter_mm: float | None = Field(default=None, ge=0.01, le=10)
+    length_m: float = Field(default=0.3, ge=0.002, le=100)
     alloy: Literal["LT", "HT"] = "LT"
     seed: int | None = Field(default=None, ge=0)
     kind: Literal["duhem", "two-component", "preisach"] | None = None
@@ -134,8 +134,8 @@ class AxisConfig(Section):
 class GridConfig(Section):
     """`number` values from `low` to `high`, in place of a list of values."""
 
-    low: float
-    high: float
+    low: float = Field(ge=-1e300, le=1e300)
+    high: float = Field(ge=-1e300, le=1e300)
     number: int = Field(ge=2)
     spacing: Literal["linear", "logarithmic"] = "linear"
 
@@ -235,6 +235,12 @@ class CampaignConfig(Section):
     references: dict[str, ReferenceConfig] = Field(default_factory=dict)
     disturbances: dict[str, tuple[DisturbanceConfig, ...]] = Field(default_factory=dict)
     report: ReportConfig = ReportConfig()
+
+    @model_validator(mode="after")
+    def _keeps_none(self) -> Self:
+        if NO_DISTURBANCE in self.disturbances:
+            raise ValueError(f"a disturbance called '{NO_DISTURBANCE}' does nothing: choose another name")
+        return self
 
 
 def load_campaign(name: str | Path) -> CampaignConfig:

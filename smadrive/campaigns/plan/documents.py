@@ -163,19 +163,20 @@ def _text(changes: Mapping[str, Any], where: str) -> str:
 def _published_data_sheet(wire: WireSettings, diameter_mm: float, sim: SimConfig) -> WireDataSheet:
     diameter_m, heat = 1e-3 * diameter_mm, sim.wire
     mass_kg = DENSITY_KG_PER_M3 * 0.25 * pi * diameter_m**2 * wire.length_m
-    return WireDataSheet(
-        name=f"Flexinol {wire.alloy} {diameter_mm:g} mm x {1e3 * wire.length_m:g} mm",
-        diameter_mm=diameter_mm,
-        length_mm=1e3 * wire.length_m,
-        resistance_ohm_per_m=heat.resistance_cold_ohm / wire.length_m,
-        resistance_change=heat.resistance_change,
-        density_kg_per_m3=DENSITY_KG_PER_M3,
-        specific_heat_j_per_kg_k=heat.heat_capacity_j_per_k / mass_kg,
-        latent_heat_j_per_kg=heat.latent_heat_j_per_kg,
-        convection_w_per_m2_k=heat.loss_w_per_k / (pi * diameter_m * wire.length_m),
-        ambient_c=AMBIENT_C,
-        thermocouple_lag_s=sim.thermocouple.lag_s,
-    )
+    values = {
+        "name": f"Flexinol {wire.alloy} {diameter_mm:g} mm x {1e3 * wire.length_m:g} mm",
+        "diameter_mm": diameter_mm,
+        "length_mm": 1e3 * wire.length_m,
+        "resistance_ohm_per_m": heat.resistance_cold_ohm / wire.length_m,
+        "resistance_change": heat.resistance_change,
+        "density_kg_per_m3": DENSITY_KG_PER_M3,
+        "specific_heat_j_per_kg_k": heat.heat_capacity_j_per_k / mass_kg,
+        "latent_heat_j_per_kg": heat.latent_heat_j_per_kg,
+        "convection_w_per_m2_k": heat.loss_w_per_k / (pi * diameter_m * wire.length_m),
+        "ambient_c": AMBIENT_C,
+        "thermocouple_lag_s": sim.thermocouple.lag_s,
+    }
+    return validate(values, WireDataSheet, f"the data sheet of the wire of {SIM_TABLE} and [run.wire]")
 
 
 def file_path(name: str, folder: Path, kind: Any) -> Path:

@@ -99,6 +99,17 @@ def opened(path: Path) -> Iterator[BufferedReader]:
             yield file
     except OSError as error:
         raise ConfigError("cannot be read", where=path, value=error.strerror, cure="check the path") from None
+    except ValueError as error:  # a null character in the path
+        raise ConfigError("cannot be read", where=ascii(str(path)), value=str(error), cure="check the path") from None
+
+
+def check_name(path: Path) -> None:
+    """Raise ConfigError for a name that is no text in UTF-8: the table and the report could not hold it."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        cure = "rename the file or its folder"
+        raise ConfigError("the name is not UTF-8", where=ascii(str(path)), cure=cure) from None
 
 
 def _run_file(name: str) -> RunFile:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from smadrive.campaigns.plan.axes import Axis, Level, axes_of
-from smadrive.campaigns.plan.checks import check_settings
+from smadrive.campaigns.plan.checks import check_seeds, check_settings
 from smadrive.campaigns.plan.config import (
     MAIN_METRICS,
     NO_DISTURBANCE,
@@ -29,7 +29,7 @@ from smadrive.campaigns.plan.config import (
     load_campaign,
 )
 from smadrive.campaigns.plan.documents import DocumentReader, RunDocuments, merged
-from smadrive.campaigns.plan.files import CampaignFiles, RunFile, opened
+from smadrive.campaigns.plan.files import CampaignFiles, RunFile, check_name, opened
 from smadrive.errors import ConfigError
 from smadrive.files.config import validate
 from smadrive.files.kinds import CAMPAIGN
@@ -109,11 +109,11 @@ class CampaignPlan:
 
     def _planned(self, number: int, levels: Mapping[str, Level], table: dict[str, Any]) -> PlannedRun:
         settings = validate(table, RunSettings, f"{self.path}: [run]")
-        check_settings(table, settings, self.axes)
+        disturbance = _named(settings.disturbance, {NO_DISTURBANCE: (), **self.config.disturbances}, "disturbances")
+        check_settings(table, settings, self.axes, [one.name for one in disturbance])
         if settings.seed is None:
             settings = settings.model_copy(update={"seed": self.config.seed})
         settings = _with_paths(settings, self.folder)
-        disturbances = {NO_DISTURBANCE: (), **self.config.disturbances}
         name = settings.reference
         reference = None if name is None else self._reference(_named(name, self.config.references, "references"))
         return PlannedRun(
@@ -122,7 +122,7 @@ class CampaignPlan:
             settings,
             self._reader.documents_of(settings),
             reference,
-            _named(settings.disturbance, disturbances, "disturbances"),
+            disturbance,
             self.folder,
             self._run_files(settings.model, settings.record, reference.file if reference else None),
         )
@@ -199,10 +199,11 @@ SAMPLED = 1000
 def load_plan(name: str) -> CampaignPlan:
     """Return the plan of a campaign file, a path or the name of a shipped file. ConfigError if it is wrong."""
     path = config_file(name, CAMPAIGN)
+    check_name(path.absolute())
     config = load_campaign(path)
-    return CampaignPlan(
-        path, path.read_text(encoding="utf-8-sig"), config, axes_of(config.vary, config.seed, path.parent)
-    )
+    axes = axes_of(config.vary, config.seed, path.parent)
+    check_seeds(config.run.model_dump(exclude_unset=True), axes)
+    return CampaignPlan(path, path.read_text(encoding="utf-8-sig"), config, axes)
 
 
 def _may_name_a_file(axis: Axis) -> bool:

@@ -11,7 +11,17 @@ from smadrive.errors import ConfigError
 
 
 @pytest.mark.parametrize(
-    "address", ["nowhere", "tcp://host", "tcp://:8786", "tcp://host:x", "http://host:80", "ucx://host:80", "host:80"]
+    "address",
+    [
+        "nowhere",
+        "tcp://host",
+        "tcp://:8786",
+        "tcp://host:x",
+        "tcp://a..b:80",
+        "http://host:80",
+        "ucx://host:80",
+        "host:80",
+    ],
 )
 def test_an_address_has_protocol_host_and_port(address):
     with pytest.raises(ConfigError) as caught:

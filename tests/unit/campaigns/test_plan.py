@@ -1,5 +1,6 @@
 """The campaign file: axes, their combinations, the changes of rig and wire, and mistakes."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -140,7 +141,7 @@ def test_a_grid_of_a_thousand_million_runs_is_an_error(planned):
         ("[[vary]]\nrig.rate_hs = [1.0, 2.0]\n", "[run.rig]"),
         ("[[vary]]\nrig.rate_hz = [1000.0]\n", "[run.rig]"),
         ("[[vary]]\nsim.thermocouple.noise = [0.1]\n", "[run.sim]"),
-        ("[[vary]]\ncontroler = ['inverse']\n", "[run]"),
+        ("[[vary]]\ncontroler = ['inverse']\n", "[[vary]] 1"),
         ("[[vary]]\nrig.rate_hz = 20.0\n", "[[vary]] 1: rig.rate_hz"),
         ("[[vary]]\nrig.rate_hz = [10.0, 20.0]\nseed = [1]\n", "[[vary]] 1"),
         ("[[vary]]\nexperiment = ['track', 'identify']\n", "[[vary]] 1: experiment"),
@@ -168,7 +169,14 @@ def test_a_grid_of_a_thousand_million_runs_is_an_error(planned):
         ("[[vary]]\nrig.devices.board = ['tclab']\n", "[run.rig] devices: board"),
         ("[run.rig]\nrate_hz = 2026-01-01\n", "[run.rig]"),
         ("[[vary]]\nlabels = ['a']\nsim.wire.ambient_c = [12:00:00]\n", "[run.sim]"),
-        ("[run.sim]\ndevices.bord.profile = 'tclab'\n", "[run.sim] devices"),
+        ("[run.sim]\ndevices.bord.profile = 'tclab'\n", "[run]: sim.devices"),
+        ("[run.wire]\nseed = 5\n[[vary]]\nrandom_wires = 2\n", "[run]: wire.seed"),
+        ("[[vary]]\nrandom_wire = 2\n", "[[vary]] 1"),
+        ("[[vary]]\nseed = {low = -1e308, high = 1e308, number = 3}\n", "[[vary]] 1: seed"),
+        ("[[disturbances.none]]\nname = 'draft'\nat_s = 1.0\nfactor = 1.6\nfor_s = 5.0\n", "campaign.toml"),
+        ("[run.wire]\ndiameter_mm = 0.15\nlength_m = 300.0\n", "campaign.toml"),
+        ("[run.wire]\ndiameter_mm = 0.15\n[run.sim]\nwire.resistance_change = 2.0\n", "data sheet"),
+        ('[[vary]]\nmodel = ["a\\u0000b.json"]\n', "a\\x00b.json"),
         ("[run.fit]\nmemory = 2\n", "campaign.toml"),
         ("[run.fit]\nkind = 'duhem'\nsets = 5\n", "campaign.toml"),
         ("[[vary]]\nfit.sets = [11, 60]\n", "campaign.toml"),
@@ -237,6 +245,17 @@ def test_records_are_an_axis_of_files(tmp_path, folder, is_absolute):
     plan = load_plan(str(campaigns / "campaign.toml"))
     assert [plan.run(n).levels["record"] for n in range(plan.count)] == ["../records/a.csv", "../records/b.csv"]
     assert Path(plan.run(0).settings.record).samefile(reel / "a.csv")
+
+
+def test_files_whose_names_the_table_could_not_hold_are_an_error(tmp_path):
+    text = "title = 'reel'\n[run]\nexperiment = 'fit'\n[[vary]]\nrecords = '*.csv'\n"
+    for folder in (tmp_path / "records", tmp_path / os.fsdecode(b"umlaut \xfc")):
+        folder.mkdir()
+        (folder / "campaign.toml").write_text(text)
+        (folder / os.fsdecode(b"r\xff.csv")).write_text("temperature_c,displacement_mm\n20,0\n21,0\n")
+        with pytest.raises(ConfigError) as caught:
+            load_plan(str(folder / "campaign.toml"))
+        assert caught.value.where.isascii()
 
 
 @pytest.mark.parametrize("path", CAMPAIGNS, ids=lambda path: path.stem)

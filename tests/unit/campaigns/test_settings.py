@@ -14,6 +14,9 @@ name = "draft"
 at_s = 1.0
 factor = 1.6
 for_s = 5.0
+[[disturbances.stuck]]
+name = "stick_displacement"
+at_s = 1.0
 """
 TRACK = 'reference = "slow"\n'
 IDENTIFY = 'experiment = "identify"\n'
@@ -43,6 +46,11 @@ USELESS = [
     (TRACK, "rig.model", '"wire.json"'),
     (TRACK + 'model = "wire.json"\n', "rig.model", '"wire.json"'),
     (TRACK, "rig.off_by_mqtt", "true"),
+    (TRACK, "sim.devices", '[{profile = "tclab"}]'),
+    (TRACK + "wire.seed = 3\n", "sim.transformation.kind", '"duhem"'),
+    (TRACK + 'controller = "feedback-only"\n', "rig.feedback", "{closed_loop_s = 0.5}"),
+    (TRACK + 'controller = "feedback-only"\ndisplacement_sensor = false\n', "rig.feedback.feedforward_share", "0.5"),
+    (TRACK + "displacement_sensor = false\n", "disturbance", '"stuck"'),
     (TRACK, "fit.input", '"a"'),
     (IDENTIFY, "fit.output", '"a"'),
     (TRACK + "wire.diameter_mm = 0.15\n", "rig.wire", '"flexinol-lt-0.15mm"'),
@@ -95,6 +103,8 @@ def test_random_wires_and_repeats_have_no_effect_on_a_fit(checked, counted, key)
         (TRACK + 'fit.kind = "duhem"\nrig.displacement_from = "none"\n', "repeats = 2"),
         (IDENTIFY + "rig.rate_hz = 20.0\nsim.thermocouple.noise_c = 0.2\n", "random_wires = 2"),
         (TRACK, 'rig.wire = ["flexinol-lt-0.15mm"]'),
+        (TRACK + "rig.feedback.closed_loop_s = 0.5\n", 'controller = ["inverse", "feedback-only"]'),
+        (TRACK + 'disturbance = "stuck"\n', "displacement_sensor = [true, false]"),
         (FIT + 'fit.output = "displacement_mm"\n', 'fit.kind = ["duhem", "tsfuzzy"]'),
     ],
 )
