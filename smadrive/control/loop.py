@@ -25,8 +25,8 @@ from smadrive.safety.supervisor import Supervisor
 LATE_FRACTION = 0.5
 """A tick has missed its deadline if it starts more than this share of the period after the deadline."""
 
-ROUNDING = 1e-9
-"""Share of the period that rounding errors of times stay below."""
+SHORTEST_S = 1e-9
+"""A tick so soon after the last one measures nothing new. It occurs with a virtual clock only, after a late tick."""
 
 StopRequested = Callable[[], bool]
 """Returns True if the user has requested a stop. The loop calls this function before every tick."""
@@ -174,13 +174,8 @@ class ControlLoop:
             number += 1 + self._skipped(due_s)
 
     def _skipped(self, due_s: float) -> int:
-        """Return the number of deadlines that passed during the tick due at `due_s`. Their ticks are left out.
-
-        A tick may start late, but not at the time of the last measurement, as it could with a virtual clock.
-        """
-        now_s = self._clock.now_s()
-        late = LATE_FRACTION if now_s - self._start_s > self._last_s else -ROUNDING
-        skipped = max(int((now_s - due_s) / self._period_s - late), 0)
+        """Return the number of deadlines that passed during the tick due at `due_s`. Their ticks are left out."""
+        skipped = max(int((self._clock.now_s() - due_s) / self._period_s - LATE_FRACTION), 0)
         self.metrics.missed_deadlines += skipped
         self._overran = skipped > 0
         return skipped
@@ -201,6 +196,8 @@ class ControlLoop:
             self._stop_if(self._supervisor.check_fresh(self._clock.now_s()))
             return
         time_s = measurement.time_s - self._start_s
+        if time_s - self._last_s < SHORTEST_S:
+            return
         if (trip := self._supervisor.update(measurement, self._command.setpoint_mm)) is not None:
             self._tripping = Tick(time_s, late_s, measurement, self._command.after_trip(), tripped=True)
             raise self._tripped(trip)

@@ -103,14 +103,14 @@ class Device:
         self.type_check, self._proved_on = self._type_if_checked, connection
         self._doubt.dispel()
 
-    def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, RegisterReading]:
+    def read(self, names: Sequence[str], *, proved: bool = False, within_s: float = inf) -> dict[str, RegisterReading]:
         """Read the registers `names` in as few requests as possible, and return their readings.
 
         Plain Modbus RTU cannot distinguish a second copy of the previous reply from a new reply of equal length.
         `proved` excludes such copies: the device must first answer a request of another length (ModbusClient.execute),
-        which costs one more transaction per request. Set it where a safety decision depends on the readings.
+        which costs one more. Set it where a safety decision depends on the readings. `within_s` is that of `command`.
         """
-        with self._doubt:
+        with self._doubt, self._registers.within(within_s):
             if self._check.model_registers or self.identity:
                 self._prove_identity()
             return self._registers.read(tuple(names), proved=proved)
@@ -142,10 +142,10 @@ class Device:
         """Read `reads`, then write `value` to the register `name`, unless the previous command wrote the same value.
 
         The value is rounded down. `reads` must include `name`. Return the readings by name; they show the effect of the
-        previous command. ReadBackError when the register does not hold the value of the previous command. No read is
-        retried that a silent device would prolong beyond `within_s` from now.
+        previous command. ReadBackError when the register does not hold the value of the previous command. A silent
+        device is given up after about `within_s`.
         """
-        with self._doubt, self._registers.retrying_until(self.clock.now_s() + within_s):
+        with self._doubt, self._registers.within(within_s):
             self._prove_model()
             write = self._registers.encode(name, value, down)
             self._prove_identity()
@@ -173,7 +173,7 @@ class Device:
         if not (self._is_proved and (self._doubt.has_failed or self._has_switch)):
             return
         if not self._doubt.is_unanswered:
-            with self._registers.retrying_until(self.clock.now_s()), suppress(TransportError, ProtocolError):
+            with self._registers.within(2.0 * self._registers.attempt_s), suppress(TransportError, ProtocolError):
                 self.check_identity()
         if self._is_proved and self._doubt.is_unanswered:
             self._commanded.clear()

@@ -48,6 +48,11 @@ class RegisterAccess:
         self._timing = timing
         self._retry_until_s = inf
 
+    @property
+    def attempt_s(self) -> float:
+        """The time of a request that the device does not answer, s."""
+        return self._client.attempt_s(self._timing)
+
     def use(self, profile: Profile) -> None:
         """Use the registers of `profile`, the profile of the proved model, from now on."""
         if profile.registers is not self.profile.registers:
@@ -55,10 +60,13 @@ class RegisterAccess:
             self.plans = RequestPlans(profile)
 
     @contextmanager
-    def retrying_until(self, time_s: float) -> Iterator[None]:
-        """Within the block, no retry begins that a silent device would prolong beyond `time_s` of the clock, in s."""
+    def within(self, time_s: float) -> Iterator[None]:
+        """Within the block, nothing is waited for that a silent device would prolong beyond `time_s` from now.
+
+        Neither a retry nor a quarantine begins, but a first request on a silent bus does.
+        """
         before_s = self._retry_until_s
-        self._retry_until_s = min(before_s, time_s)
+        self._retry_until_s = min(before_s, self._client.clock.now_s() + time_s)
         try:
             yield
         finally:

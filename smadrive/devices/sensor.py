@@ -9,23 +9,34 @@ so that the loop keeps its rate and another source can replace the value.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import inf, nan
 
 from smadrive.clock import Clock
 from smadrive.devices.device import Device
 from smadrive.devices.heating.heat_source import Sample
 from smadrive.errors import DeviceError, ProtocolError, SmadriveError, TransportError
+from smadrive.modbus.bus_line import REOPENS_WITHIN_S
 
 FAILED_PAUSE = 20.0
-"""Pause before the next reading of a sensor that has failed for long, in multiples of the time of its last failure."""
+"""Longest pause of a sensor that has failed for longer than `stale_s`, in multiples of the time of its last failure."""
 
 
 class PolledSensor:
     """Reads the role `quantity` (temperature or displacement) of `device`, at most once per `period_s`."""
 
-    def __init__(self, device: Device, quantity: str, period_s: float, stale_s: float, clock: Clock) -> None:
-        """Raise ConfigError if the profile has no register for `quantity`."""
+    def __init__(
+        self,
+        device: Device,
+        quantity: str,
+        period_s: float,
+        stale_s: float,
+        clock: Clock,
+        neighbours: Sequence[Device] = (),
+    ) -> None:
+        """`neighbours` are the other devices on its line. ConfigError if the profile has no register for `quantity`."""
         self._device = device
+        self._neighbours = neighbours
         self._quantity = quantity
         self._name = device.profile.role(quantity)
         self.period_s = period_s
@@ -37,9 +48,15 @@ class PolledSensor:
         self._failing_since_s = inf
 
     @property
-    def timeout_s(self) -> float:
-        """The longest wait for a reply of the sensor, s."""
-        return self._device.profile.timing.response_timeout_ms / 1e3 + self._device.client.transport.latency_s
+    def delay_s(self) -> float:
+        """The longest time by which the sensor delays a tick of the loop while it is silent, s.
+
+        On a line of its own, that is a missed deadline, and the time in which a lost connection is opened again. On a
+        shared line, the next request must also wait until the line has been silent.
+        """
+        reopening_s = REOPENS_WITHIN_S if self._device.client.transport.reconnects else 0.0
+        silence_s = max(map(_attempt_s, (self._device, *self._neighbours))) if self._neighbours else 0.0
+        return _attempt_s(self._device) + reopening_s + silence_s
 
     @property
     def is_silent(self) -> bool:
@@ -67,13 +84,29 @@ class PolledSensor:
 
     def _poll(self, now_s: float) -> None:
         try:
-            reading = self._device.read((self._name,))[self._name]
+            reading = self._device.read((self._name,), within_s=self._within_s())[self._name]
         except (TransportError, ProtocolError, DeviceError) as error:
             self._failure = error
             self._failing_since_s = min(self._failing_since_s, now_s)
-            failed_s = self._clock.now_s()
-            if failed_s - self._failing_since_s > self._stale_s:
-                self._due_s = max(self._due_s, failed_s + FAILED_PAUSE * (failed_s - now_s))
+            self._pause(now_s, self._clock.now_s())
             return
         self._failure, self._failing_since_s = None, inf
         self._last = Sample(reading.value, self._clock.now_s(), reading.invalid)
+
+    def _within_s(self) -> float:
+        """Return the time within which a reading must succeed, s.
+
+        The silence of the line that must follow a failure passes between two readings. On a shared line it must be
+        awaited, because the failures of the neighbours would prolong it without end.
+        """
+        return _attempt_s(self._device) * (2.0 if self._neighbours else 1.0)
+
+    def _pause(self, asked_s: float, failed_s: float) -> None:
+        """Read a sensor that has failed for longer than `stale_s` only after half of this time."""
+        failing_s = failed_s - self._failing_since_s
+        if failing_s > self._stale_s:
+            self._due_s = max(self._due_s, failed_s + min(0.5 * failing_s, FAILED_PAUSE * (failed_s - asked_s)))
+
+
+def _attempt_s(device: Device) -> float:
+    return device.client.attempt_s(device.profile.bus_timing())

@@ -14,6 +14,7 @@ A frame is traced after it was sent or received. A trace that fails gets no more
 
 from __future__ import annotations
 
+from math import inf
 from typing import NamedTuple
 
 from smadrive.errors import TransportError
@@ -30,11 +31,15 @@ TURNAROUND_S = 0.1  # pause after a broadcast: serial line V1.02, section 2.4.1
 
 
 class Transaction(NamedTuple):
-    """A request to one unit, and the timing of its device."""
+    """A request to one unit, and the timing of its device.
+
+    No retry and no quarantine begins that a silent device would prolong beyond the time `retry_until_s` of the clock.
+    """
 
     unit_id: int
     request: Request
     timing: BusTiming
+    retry_until_s: float = inf
 
 
 class BusLine:
@@ -59,30 +64,31 @@ class BusLine:
         """Number of the connection for the next request: count of reopenings, plus 1 while the connection is lost."""
         return self.counters.reopenings + self._transport.lost
 
-    def silent_retry_s(self, timing: BusTiming) -> float:
-        """Return the time in s that a retry takes if the device is silent: a quarantine, and a missed deadline."""
-        return 2.0 * self._patience_s(timing)
+    def attempt_s(self, timing: BusTiming) -> float:
+        """Return the time in s of a request that a silent device does not answer: a pause, and a missed deadline."""
+        return self._gap_s(timing) + self._patience_s(timing)
 
-    def settle(self, unit_id: int, timing: BusTiming) -> None:
-        """Prepare the line for a request to `unit_id`.
+    def settle(self, transaction: Transaction) -> None:
+        """Prepare the line for a request to the unit of `transaction`.
 
         Open a lost connection, keep the pauses, discard the bytes that have arrived, and keep a quarantine if one is
-        necessary. TransportError when the connection cannot be opened, or when the bus is never silent.
+        necessary. TransportError when the connection cannot be opened, or when the bus is not silent in time.
         """
+        unit_id, _, timing, retry_until_s = transaction
         if self._protocol.state is ConnectionState.WAITING:  # a signal interrupted the last exchange and its `give_up`
             self._protocol.give_up(self.clock.now_s())
         if self._transport.lost:
             self._reopen()
-        gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
-        self.clock.sleep_until(max(self._free_at_s + gap_s, self._next_s.get(unit_id, 0.0)))
+        self.clock.sleep_until(max(self._free_at_s + self._gap_s(timing), self._next_s.get(unit_id, 0.0)))
         if stray := self._discard():
+            self._free_at_s = self.clock.now_s()
             self._count_discarded(stray)
             self._protocol.stray(stray)
         if self._protocol.state is ConnectionState.OUT_OF_STEP:
             self._transport.disconnect()
             self._reopen()
         if self._protocol.state is ConnectionState.SUSPECT:
-            self._quarantine(timing, silent_since_s=self.clock.now_s() if stray else self._free_at_s)
+            self._quarantine(timing, retry_until_s)
 
     def exchange(self, transaction: Transaction) -> Outcome:
         """Send the request, read until its outcome is known or its deadline has passed, and return the outcome.
@@ -90,7 +96,7 @@ class BusLine:
         Time until the deadline = time of request and reply on the wire + response timeout of the device + latency of
         the connection. A socket is closed if no complete reply has arrived at the deadline.
         """
-        unit_id, request, timing = transaction
+        unit_id, request, timing, _ = transaction
         reply_size = 1 + len(request.reply_head) + request.payload_size + self._tail_size
         on_wire_s = (len(request.pdu) + 3 + reply_size) * self._character_s
         sent_s = self.clock.now_s()
@@ -109,7 +115,7 @@ class BusLine:
 
     def broadcast(self, request: Request, timing: BusTiming) -> None:
         """Send a write to all devices at once, and return after the turnaround delay of the standard."""
-        self.settle(rtu.BROADCAST, timing)
+        self.settle(Transaction(rtu.BROADCAST, request, timing))
         self._write(self._transport.framing.request(rtu.BROADCAST, request.pdu))
         self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
 
@@ -118,7 +124,7 @@ class BusLine:
 
         Send nothing if the connection is known to be lost. Keep the pause between frames, but wait for nothing else.
         """
-        unit_id, request, timing = transaction
+        unit_id, request, timing, _ = transaction
         if self._transport.lost:
             return
         self.clock.sleep_until(self._free_at_s + max(self._silence_s, timing.min_gap_s))
@@ -148,7 +154,7 @@ class BusLine:
 
     def _end_exchange(self, transaction: Transaction) -> None:
         """Trace the reply, record when the next request may follow, close a TCP stream after an incomplete frame."""
-        unit_id, request, timing = transaction
+        unit_id, request, timing, _ = transaction
         if self._received:
             self.trace(self._received_s, "received", self._received)
         now_s = self.clock.now_s()
@@ -186,24 +192,33 @@ class BusLine:
             raise
         self._free_at_s = self.clock.now_s()
 
+    def _gap_s(self, timing: BusTiming) -> float:
+        return max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
+
     def _patience_s(self, timing: BusTiming) -> float:
         return timing.response_timeout_s + self._transport.latency_s
 
-    def _quarantine(self, timing: BusTiming, silent_since_s: float) -> None:
-        """Discard bytes until the bus has been silent for one response timeout; TransportError if bytes keep coming."""
+    def _quarantine(self, timing: BusTiming, retry_until_s: float) -> None:
+        """Discard bytes until the bus has been silent for one response timeout.
+
+        TransportError if bytes keep coming for `NEVER_SILENT_S`, or if a silent device would then not answer in time.
+        """
         self.counters.quarantines += 1
-        quiet_s = max(self._patience_s(timing), self._silence_s)
-        give_up_s = self.clock.now_s() + NEVER_SILENT_S + quiet_s
-        while data := self._transport.read(silent_since_s + quiet_s):
+        patience_s, now_s = self._patience_s(timing), self.clock.now_s()
+        quiet_s = max(patience_s, self._silence_s)
+        give_up_s = min(now_s + NEVER_SILENT_S + quiet_s, max(retry_until_s - patience_s, now_s))
+        while self._free_at_s + quiet_s <= give_up_s:
+            data = self._transport.read(self._free_at_s + quiet_s)
+            if not data:
+                self._protocol.silence()
+                return
             self._count_discarded(data)
-            silent_since_s = self.clock.now_s()
-            if silent_since_s > give_up_s:
-                raise TransportError(
-                    "the bus is never silent",
-                    where=self._transport.name,
-                    cure="check that no other program uses this line",
-                )
-        self._protocol.silence()
+            self._free_at_s = self.clock.now_s()
+        raise TransportError(
+            "the bus is not silent",
+            where=self._transport.name,
+            cure="check that no other program uses this line",
+        )
 
     def _count_discarded(self, data: bytes) -> None:
         self.counters.discarded_bytes += len(data)

@@ -44,6 +44,14 @@ class ModbusClient:
         """The number of the connection that the next request uses. It changes when the connection is lost."""
         return self._line.connection
 
+    def attempt_s(self, timing: BusTiming) -> float:
+        """Return the time in s of a request that a silent device does not answer: a pause, and a missed deadline.
+
+        A quarantine takes at most as long. A connection that is closed after a missed deadline takes up to
+        `REOPENS_WITHIN_S` to open again.
+        """
+        return self._line.attempt_s(timing)
+
     def execute(
         self,
         unit_id: int,
@@ -59,20 +67,21 @@ class ModbusClient:
         connection: the number of the connection that the request must use; None allows any connection.
         proved: True sends a sync first (see probes.py), so that a second copy of an earlier reply cannot be taken for
         the answer. Set it for a read on which a safety decision depends.
-        retry_until_s: no retry begins that a silent device would prolong beyond this time of the clock, in s.
+        retry_until_s: no retry and no quarantine begins that a silent device would prolong beyond this time of the
+        clock, in s.
 
         DeadlineError or ProtocolError when no right reply arrives (a read is retried first); ExceptionReply when the
         device rejects the request; TransportError when the connection is lost, when the present connection has another
-        number than `connection`, or when the bus is never silent.
+        number than `connection`, or when the bus is not silent in time.
         """
-        transaction = Transaction(unit_id, request, timing)
+        transaction = Transaction(unit_id, request, timing, retry_until_s)
         retries = 0 if request.writes else timing.read_retries
         while True:
             try:
                 with self._turn:
-                    return self._execute_once(transaction, connection, retry_until_s, proved=proved)
+                    return self._execute_once(transaction, connection, proved=proved)
             except (DeadlineError, ProtocolError):
-                if retries == 0 or self._is_late(timing, retry_until_s):
+                if retries == 0 or self._is_late(transaction):
                     raise
             retries -= 1
             self.counters.retries += 1
@@ -94,18 +103,16 @@ class ModbusClient:
         """Record that the last reply answers an older request, as its content shows. The right reply may follow."""
         self._protocol.distrust(self.clock.now_s())
 
-    def _execute_once(
-        self, transaction: Transaction, connection: int | None, retry_until_s: float, *, proved: bool
-    ) -> bytes:
+    def _execute_once(self, transaction: Transaction, connection: int | None, *, proved: bool) -> bytes:
         """Send the necessary probes, a sync if `proved`, then the request; return the payload of its reply."""
-        unit_id, request, timing = transaction
-        self._line.settle(unit_id, timing)
+        unit_id, request = transaction.unit_id, transaction.request
+        self._line.settle(transaction)
         if self._protocol.needs_probe(unit_id, request, self.clock.now_s()):
-            self._probe(transaction, retry_until_s)
-            self._line.settle(unit_id, timing)
+            self._probe(transaction)
+            self._line.settle(transaction)
         if proved:
             self._sync(transaction)
-            self._line.settle(unit_id, timing)
+            self._line.settle(transaction)
         if connection is not None and connection != self._line.connection:
             raise TransportError(
                 "not sent, because the connection was opened anew and the device is not identified yet",
@@ -128,7 +135,7 @@ class ModbusClient:
             setattr(self.counters, counter, getattr(self.counters, counter) + 1)
         return failure(outcome, self._where(transaction.unit_id, transaction.request))
 
-    def _probe(self, transaction: Transaction, retry_until_s: float) -> None:
+    def _probe(self, transaction: Transaction) -> None:
         """Send up to `PROBES` probes, until no older reply can be taken for the answer.
 
         After the first probe, no probe is sent that a silent device would prolong beyond `retry_until_s`.
@@ -136,7 +143,7 @@ class ModbusClient:
         DeadlineError at once if a probe gets no reply. If no probe excludes an older reply, raise the error of the last
         probe; ProtocolError if no read can serve as a probe.
         """
-        unit_id, request, timing = transaction
+        unit_id, request = transaction.unit_id, transaction.request
         reason: SmadriveError = ProtocolError(
             "not sent, because a late reply to an earlier request could be taken for the answer",
             where=self._where(unit_id, request),
@@ -148,26 +155,26 @@ class ModbusClient:
                 break
             self.counters.probes += 1
             try:
-                self._transact(Transaction(unit_id, probe, timing))
+                self._transact(transaction._replace(request=probe))
             except (ProtocolError, ExceptionReply) as error:
                 reason = error
             if not self._protocol.may_be_mistaken(unit_id, request, self.clock.now_s()):
                 return
-            if self._is_late(timing, retry_until_s):
+            if self._is_late(transaction):
                 break
-            self._line.settle(unit_id, timing)
+            self._line.settle(transaction)
         raise reason
 
     def _sync(self, transaction: Transaction) -> None:
         """Make the device answer a request of another kind. After this answer, no copy of an older reply can arrive."""
-        unit_id, request, timing = transaction
+        unit_id, request = transaction.unit_id, transaction.request
         sync = self._protocol.probes.sync_request(unit_id, request, self.clock.now_s())
         try:
-            self._ask(Transaction(unit_id, sync, timing))
+            self._ask(transaction._replace(request=sync))
         except DeadlineError:
             if not self._protocol.probes.stays_silent(unit_id, sync):
                 raise
-            self._line.settle(unit_id, timing)
+            self._line.settle(transaction)
             self._sync_by_answered_read(transaction)
 
     def _sync_by_answered_read(self, transaction: Transaction) -> None:
@@ -176,11 +183,11 @@ class ModbusClient:
         Send a read that the device has answered before. If no such read can be a sync, send nothing. Then
         DeadlineError if a copy of an earlier reply to `request` may still arrive.
         """
-        unit_id, request, timing = transaction
+        unit_id, request = transaction.unit_id, transaction.request
         now_s = self.clock.now_s()
         sync = self._protocol.probes.answered_sync_request(unit_id, request, now_s)
         if sync is not None:
-            self._ask(Transaction(unit_id, sync, timing))
+            self._ask(transaction._replace(request=sync))
         elif self._protocol.probes.copy_may_follow(unit_id, request, now_s):
             raise DeadlineError(
                 "not sent, because an older reply could be taken for the answer",
@@ -197,9 +204,10 @@ class ModbusClient:
             if error.code not in FINAL_CODES:  # the real answer may still come, so this exception proves nothing
                 raise
 
-    def _is_late(self, timing: BusTiming, retry_until_s: float) -> bool:
-        """Return True if a retry now would end after `retry_until_s` with a silent device."""
-        return self.clock.now_s() + self._line.silent_retry_s(timing) > retry_until_s
+    def _is_late(self, transaction: Transaction) -> bool:
+        """Return True if a retry now would end after its `retry_until_s` with a silent device."""
+        with_quarantine_s = 2.0 * self._line.attempt_s(transaction.timing)
+        return self.clock.now_s() + with_quarantine_s > transaction.retry_until_s
 
     def _where(self, unit_id: int, request: Request) -> str:
         return f"{self.transport.name}, unit {unit_id}, function {request.function} at {request.address}"

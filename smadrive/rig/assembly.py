@@ -97,7 +97,7 @@ def heat_source(
 ) -> HeatSource:
     """Return the open device as a heat source.
 
-    answers_within_s    longest time in s for the exchanges of an armed supply that does not answer; see BenchSupply
+    answers_within_s    time in s within which an armed supply must answer again; see BenchSupply
 
     `check_full_scales` checks the full scales before a run. `off` does not read them: no current is no current at every
     scale.
@@ -133,5 +133,11 @@ def _sensors(plan: RigPlan, devices: Mapping[str, Device | TCLabBoard], clock: C
     for sensor in plan.sensors:
         device = devices[sensor.device.name]
         assert isinstance(device, Device)  # only the heat source can be a TCLabBoard
-        sensors[sensor.quantity] = PolledSensor(device, sensor.quantity, sensor.period_s, sensor.stale_s, clock)
+        neighbours = [
+            other
+            for other in devices.values()
+            if isinstance(other, Device) and other is not device and other.client is device.client
+        ]
+        settings = sensor.quantity, sensor.period_s, sensor.stale_s, clock
+        sensors[sensor.quantity] = PolledSensor(device, *settings, neighbours)
     return sensors

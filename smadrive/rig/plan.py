@@ -15,13 +15,13 @@ from smadrive.devices.calibration import Corrections
 from smadrive.devices.guardian.task import GuardedDevice, Task
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
-from smadrive.devices.heating.tclab import TCLab
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.retry import PAUSES_S
 from smadrive.errors import ConfigError
-from smadrive.modbus.transports.connect import latency_s_of, line_settings, port_of
+from smadrive.modbus.bus_line import REOPENS_WITHIN_S
+from smadrive.modbus.transports.connect import is_remote, latency_s_of, line_settings, port_of
 from smadrive.rig.config import LimitsConfig, RigConfig
-from smadrive.rig.planned_device import SIMULATED, PlannedDevice
+from smadrive.rig.planned_device import SIMULATED, PlannedDevice, check_full_scales
 
 QUANTITIES = ("temperature", "displacement")
 
@@ -30,6 +30,9 @@ STALE_PERIODS = 3.0
 
 SLOW_PERIODS = 2.0
 """A sensor that is read less often than once in this many periods of the loop gives a warning."""
+
+SILENT_TIMEOUTS = 2.0
+"""A silent sensor delays a tick by this multiple of its reply timeout: a missed deadline, and a quarantine."""
 
 GUARDIAN_PATIENCE = 1.5
 """Smallest `watchdog_s` with a guardian, as a multiple of the longest time that the driver waits for a reply."""
@@ -49,9 +52,8 @@ class PlannedSensor:
 class RigPlan:
     """The devices of a rig and their tasks. `guardian` is the task of the guardian process; None: no guardian.
 
-    `answers_within_s` is the time in s within which an exchange with a silent heat source should fail: the last
-    measurement is then one period old, and the loop can still trip before it is older than `stale_after_s`.
-    `caveats` are warnings, one sentence each.
+    `answers_within_s` is the time in s within which an armed supply must answer again; `caveats` are warnings, one
+    sentence each.
     """
 
     devices: tuple[PlannedDevice, ...]
@@ -79,9 +81,8 @@ def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collecti
     _check_addresses(devices, where)
     guardian = _guardian(source, devices, config.limits, where)
     limits, corrections = _limits(config.limits), config.calibration.corrections()
-    answers_within_s = stale_after_s(config) - 1.0 / config.rate_hz
-    caveats = *_slow(sensors, config.rate_hz), *_unlimited(source, limits)
-    return RigPlan(devices, source, sensors, limits, guardian, answers_within_s, corrections, caveats)
+    caveats = *_slow(sensors, config), *_unlimited(source, limits)
+    return RigPlan(devices, source, sensors, limits, guardian, stale_after_s(config), corrections, caveats)
 
 
 def stale_after_s(config: RigConfig) -> float:
@@ -89,14 +90,21 @@ def stale_after_s(config: RigConfig) -> float:
     return max(config.limits.stale_after_s, STALE_PERIODS / config.rate_hz)
 
 
-def _slow(sensors: Iterable[PlannedSensor], rate_hz: float) -> Iterator[str]:
-    """Yield a warning for each sensor that is slow for the loop: most ticks have an old reading."""
+def _slow(sensors: Iterable[PlannedSensor], config: RigConfig) -> Iterator[str]:
+    """Yield a warning for each sensor whose readings are mostly old, and for each whose silence would end a run."""
     for sensor in sensors:
-        if sensor.period_s * rate_hz > SLOW_PERIODS:
+        name, period_s = sensor.device.name, 1.0 / config.rate_hz
+        if sensor.period_s > SLOW_PERIODS * period_s:
             yield (
-                f"'{sensor.device.name}' gives a new {sensor.quantity} only every {sensor.period_s:g} s, but the loop "
-                f"runs every {1.0 / rate_hz:g} s: most of its readings are old: set rate_hz of the rig to "
-                f"{1.0 / sensor.period_s:.3g}"
+                f"'{name}' gives a new {sensor.quantity} only every {sensor.period_s:g} s, but the loop runs every "
+                f"{period_s:g} s: most of its readings are old: set rate_hz of the rig to {1.0 / sensor.period_s:.3g}"
+            )
+        missed_s = period_s + SILENT_TIMEOUTS * _reply_timeout_s(sensor.device)
+        missed_s += 0.0 if sensor.device.is_simulated or not is_remote(sensor.device.config.url) else REOPENS_WITHIN_S
+        if sensor.quantity == "displacement" and missed_s > min(stale_after_s(config), config.limits.watchdog_s):
+            yield (
+                f"a run ends if '{name}' falls silent, because a tick then takes {missed_s:.2g} s: set stale_after_s "
+                f"and watchdog_s to more than that, so that the run goes on without this sensor"
             )
 
 
@@ -104,23 +112,6 @@ def _unlimited(source: PlannedDevice, limits: HeaterLimits) -> Iterator[str]:
     """Yield a warning if the heater is a board, which cannot limit its voltage, and the voltage has a limit."""
     if source.source_type is HeaterBoard and isfinite(limits.voltage_max_v):
         yield f"voltage_max_v has no effect: '{source.config.name}' cannot limit its voltage. Limit its supply"
-
-
-def check_full_scales(source: PlannedDevice) -> None:
-    """Raise ConfigError if full scales are set for a source in amperes, or missing for a source commanded by duty."""
-    scales = source.config.full_scale_a, source.config.full_scale_v
-    if source.source_type is TCLab and None in scales:
-        raise ConfigError(
-            f"'{source.config.profile}' is commanded by duty and needs full scales",
-            where=source.where,
-            cure="set full_scale_a and full_scale_v to current and voltage at this wire at 100 % duty",
-        )
-    if source.source_type is not TCLab and scales != (None, None):
-        raise ConfigError(
-            f"'{source.config.profile}' is commanded in amperes and has no full scales",
-            where=source.where,
-            cure="remove full_scale_a and full_scale_v",
-        )
 
 
 def _source(devices: Sequence[PlannedDevice], where: str) -> PlannedDevice:
@@ -242,7 +233,8 @@ def _guardian(source: PlannedDevice, devices: Iterable[PlannedDevice], limits: L
 
 
 def _reply_timeout_s(device: PlannedDevice) -> float:
-    return device.profile.timing.response_timeout_ms / 1e3 + latency_s_of(device.config.url)
+    latency_s = 0.0 if device.is_simulated else latency_s_of(device.config.url)
+    return device.profile.timing.response_timeout_ms / 1e3 + latency_s
 
 
 def _names(devices: Iterable[PlannedDevice]) -> str:

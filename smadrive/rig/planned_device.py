@@ -87,3 +87,20 @@ class PlannedDevice:
         """The quantities that the rig takes from this heat source, besides current and voltage."""
         own = self.source_type.measures
         return own if self.config.measures is None else own.intersection(self.config.measures)
+
+
+def check_full_scales(source: PlannedDevice) -> None:
+    """Raise ConfigError if full scales are set for a source in amperes, or missing for a source commanded by duty."""
+    scales = source.config.full_scale_a, source.config.full_scale_v
+    if source.source_type is TCLab and None in scales:
+        raise ConfigError(
+            f"'{source.config.profile}' is commanded by duty and needs full scales",
+            where=source.where,
+            cure="set full_scale_a and full_scale_v to current and voltage at this wire at 100 % duty",
+        )
+    if source.source_type is not TCLab and scales != (None, None):
+        raise ConfigError(
+            f"'{source.config.profile}' is commanded in amperes and has no full scales",
+            where=source.where,
+            cure="remove full_scale_a and full_scale_v",
+        )

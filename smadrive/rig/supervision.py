@@ -192,7 +192,7 @@ def _check_thermometer(config: RigConfig, heater: Heater, balance: HeatBalance) 
             cure=FASTER,
         )
     delay_s, awaited_s = (
-        0.0 if sensor is None else sensor.timeout_s for sensor in (heater.displacement, heater.thermometer)
+        0.0 if sensor is None else sensor.delay_s for sensor in (heater.displacement, heater.thermometer)
     )
     unseen_s = READINGS_TO_TRIP * (period_s + delay_s) + awaited_s
     excess_k = _excess_k(config, balance, unseen_s)

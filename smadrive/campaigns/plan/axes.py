@@ -114,9 +114,9 @@ def _axis(config: AxisConfig, seed: int, folder: Path, where: str) -> Axis:
 
 def _check_keys(table: Mapping[str, Any], where: str) -> None:
     """Raise ConfigError for a key that is neither a key of an axis nor a setting of [run]."""
-    known = AxisConfig.model_fields.keys() | RunSettings.model_fields.keys()
-    if unknown := [key for key in table if key not in known and "." not in key]:
-        raise ConfigError("unknown key", where=where, value=unknown[0], cure=suggestion_or_list(unknown[0], known))
+    keys = AxisConfig.model_fields.keys() | RunSettings.model_fields.keys()
+    if unknown := [key for key in table if key not in keys and "." not in key]:
+        raise ConfigError("unknown key", where=where, value=unknown[0], cure=suggestion_or_list(unknown[0], keys))
 
 
 def _check_size(number: int, where: str) -> None:

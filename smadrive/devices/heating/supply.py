@@ -40,8 +40,8 @@ class BenchSupply(DeviceSource[Device]):
     def __init__(self, device: Device, answers_within_s: float = inf) -> None:
         """Nothing is sent yet.
 
-        While the supply is armed, `exchange` retries no read that a silent supply would prolong beyond
-        `answers_within_s`: meanwhile current flows, and nothing is checked.
+        While the supply is armed, `exchange` begins nothing that a silent supply would prolong beyond
+        `answers_within_s` after its last answer: meanwhile current flows, and nothing is checked.
         """
         super().__init__(device)
         profile = device.profile
@@ -52,6 +52,7 @@ class BenchSupply(DeviceSource[Device]):
         self._reads = tuple(self._names.values())
         self._measured = self._names["measured_current"], self._names["measured_voltage"]
         self._answers_within_s = answers_within_s
+        self._answered_s = -inf
         self._voltage_max_v = inf
         self._voltage_set: RegisterReading | None = None
 
@@ -78,7 +79,7 @@ class BenchSupply(DeviceSource[Device]):
                 where=f"unit {self.device.unit_id}",
                 cure="check that the supply is not locked and that no protection has tripped",
             )
-        self._armed = True
+        self._armed, self._answered_s = True, self.device.clock.now_s()
 
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
         """Measure while the previous current is in force, then set `current_a`, and return the measured values.
@@ -86,9 +87,11 @@ class BenchSupply(DeviceSource[Device]):
         ReadBackError when the current setting is not that of the previous command, or when the voltage limit has
         changed.
         """
-        within_s = self._answers_within_s if self._armed else inf
+        answers_by_s = self._answered_s + self._answers_within_s if self._armed else inf
+        within_s = answers_by_s - self.device.clock.now_s()
         name = self._names["heater_current"]
         readings = self.device.command(name, current_a, self._reads, proved=proved, within_s=within_s)
+        self._answered_s = self.device.clock.now_s()
         self._check_voltage_limit(readings)
         on = self._on(readings)
         self._armed = self._armed and on

@@ -294,6 +294,7 @@ def test_lost_exchange_leaves_the_earlier_current_in_force(bench):
         with pytest.raises(DeadlineError):
             bench.heat(rig, 0.05, 1)
         bench.devices["supply"].faults.clear()
+        rig.clock.sleep_until(rig.clock.now_s() + rig.devices["supply"].profile.timing.response_timeout_ms / 1e3)
         (after,) = bench.heat(rig, 0.05, 1)
         assert after.in_force_a == pytest.approx(after.current_a, abs=0.01)
 

@@ -24,8 +24,8 @@ def supply_config(**limits):
     return RigConfig.model_validate(base)
 
 
-def heated(config, current_a, replies, at_c):
-    """Heat with a constant current; the thermometer loses `replies` replies when the wire is at `at_c`.
+def heated(config, current_a, at_c, fault="drop", **parameters):
+    """Heat with a constant current; the thermometer has a fault when the wire is at `at_c`.
 
     Return the hottest temperature of the wire, the ticks, and the error that ended the run.
     """
@@ -41,7 +41,7 @@ def heated(config, current_a, replies, at_c):
         ticks.append(tick)
         if not silenced and bench.plant.temperature_c >= at_c:
             silenced.append(len(ticks))
-            bench.known_faults()["reader.drop"](replies=replies)
+            bench.known_faults()[f"reader.{fault}"](**parameters)
 
     clock.follow(advance)
     ended = None
@@ -54,20 +54,23 @@ def heated(config, current_a, replies, at_c):
     return hottest_c[0], ticks[silenced[0] :], ended
 
 
-def test_wire_stays_near_its_limit_until_the_trip():
-    hottest_c, ticks, ended = heated(supply_config(current_max_a=0.45), 0.45, 10_000, 118.0)
+@pytest.mark.parametrize(
+    "parameters", [{"fault": "drop"}, {"fault": "noise", "gap_s": 0.02}, {"fault": "noise", "gap_s": 0.1}], ids=str
+)
+def test_wire_stays_near_its_limit_until_the_trip(parameters):
+    hottest_c, ticks, ended = heated(supply_config(current_max_a=0.45), 0.45, 118.0, for_s=20.0, **parameters)
     assert isinstance(ended, TripError)
     assert hottest_c < 160.0
     assert ticks[-1].measurement.host_limits == ("temperature",)
 
 
 def test_a_current_that_holds_the_wire_below_its_limit_goes_on_after_a_lost_reply():
-    _, ticks, ended = heated(supply_config(current_max_a=0.4), 0.29, 1, 90.0)
+    _, ticks, ended = heated(supply_config(current_max_a=0.4), 0.29, 90.0, replies=1)
     assert ended is None
     assert all(tick.measurement.in_force_a == pytest.approx(0.29, abs=0.001) for tick in ticks)
 
 
 def test_current_that_could_overheat_the_wire_unseen_is_refused():
     with pytest.raises(ConfigError) as refused:
-        heated(supply_config(current_max_a=0.57), 0.57, 0, 118.0)
+        heated(supply_config(current_max_a=0.57), 0.57, 118.0, replies=1)
     assert refused.value.limit == "60 K"

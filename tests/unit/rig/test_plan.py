@@ -59,6 +59,18 @@ def test_voltage_limit_that_the_source_cannot_keep_gives_a_warning(device, warni
     assert [caveat.startswith("voltage_max_v") for caveat in caveats] == [True] * warnings
 
 
+@pytest.mark.parametrize(
+    ("url", "warnings"),
+    [("serial:///dev/ttyX", 0), ("serial:///dev/ttyX?latency_ms=200", 1), ("tcp://127.0.0.1:5020", 1)],
+)
+def test_laser_whose_silence_would_end_a_run_gives_a_warning(url, warnings):
+    board = BOARD | {"measures": ["temperature"]}
+    found = plan(board, LASER | {"url": url}, rate_hz=20.0, stale_after_s=0.3, watchdog_s=0.5).caveats
+    caveats = [caveat for caveat in found if not caveat.startswith("voltage_max_v")]
+    assert len(caveats) == warnings
+    assert all("'laser'" in caveat for caveat in caveats)
+
+
 @pytest.mark.parametrize(("rate_hz", "slow"), [(2.5, 0), (4.0, 0), (10.0, 1)])
 def test_sensor_that_is_slow_for_the_loop_gives_a_warning(rate_hz, slow):
     """The reader converts every 0.4 s, the laser is as fast as the loop."""
