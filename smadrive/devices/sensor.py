@@ -37,7 +37,7 @@ class PolledSensor:
         """`neighbours` are the other devices on its line. ConfigError if the profile has no register for `quantity`."""
         self._device = device
         self._neighbours = neighbours
-        self._quantity = quantity
+        self.quantity = quantity
         self._name = device.profile.role(quantity)
         self.period_s = period_s
         self._stale_s = stale_s
@@ -79,7 +79,7 @@ class PolledSensor:
             self._poll(now_s)
         age_s = self._clock.now_s() - self._last.time_s
         if age_s > self._stale_s and self._last.problem is None:
-            return Sample(nan, self._last.time_s, f"no new {self._quantity} for {age_s:.2f} s ({self._failure})")
+            return Sample(nan, self._last.time_s, f"no new {self.quantity} for {age_s:.2f} s ({self._failure})")
         return self._last
 
     def _poll(self, now_s: float) -> None:

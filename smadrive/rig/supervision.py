@@ -11,7 +11,7 @@ from smadrive.clock import Clock
 from smadrive.devices.heater import Heater
 from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.heating.zero_current import ZERO_SHARE
-from smadrive.errors import ConfigError
+from smadrive.errors import ConfigError, TransportError
 from smadrive.files.number_text import distinct
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.rig.config import RigConfig
@@ -110,7 +110,8 @@ def supervisor(
 def check_rate(config: RigConfig, heater: Heater, clock: Clock) -> None:
     """Raise ConfigError if the devices cannot keep up with the rig's rate. The current is set to zero.
 
-    Every exchange writes, as the exchanges of a run do whose current changes.
+    Every exchange writes, as the exchanges of a run do whose current changes. TransportError if the devices are late
+    because a sensor does not answer.
     """
     begun_s, period_s = clock.now_s(), 1.0 / config.rate_hz
     for _ in range(RATE_EXCHANGES):
@@ -118,6 +119,7 @@ def check_rate(config: RigConfig, heater: Heater, clock: Clock) -> None:
         heater.exchange(0.0)
     needed_s = (clock.now_s() - begun_s) / RATE_EXCHANGES
     if needed_s > period_s:
+        _check_answers(heater)
         raise ConfigError(
             "the devices are too slow for rate_hz",
             where=f"rig '{config.name}'",
@@ -125,6 +127,13 @@ def check_rate(config: RigConfig, heater: Heater, clock: Clock) -> None:
             limit=f"{distinct(period_s, needed_s)} s",
             cure=f"set rate_hz to {0.8 / needed_s:.2g}",
         )
+
+
+def _check_answers(heater: Heater) -> None:
+    for sensor in (heater.thermometer, heater.displacement):
+        if sensor is not None and sensor.is_silent:
+            what, cure = f"the sensor of the {sensor.quantity} does not answer", "check its cable and its supply"
+            raise TransportError(what, cure=cure)
 
 
 def unexpected_current(config: RigConfig, measurement: Measurement) -> str | None:

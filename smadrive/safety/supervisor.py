@@ -1,7 +1,7 @@
 """The supervisor: checks every measurement, is independent of the controller, and can always stop the run.
 
 The supervisor latches the first fault. It debounces conditions that noise can cause: these become a fault only when
-several of the latest samples show them. A missing displacement or current counts neither way, so a sensor that reads
+several of the latest readings show them. A missing displacement or current counts neither way, so a sensor that reads
 only now and then is still checked. Late, wrong and missing data are faults, too. The limits of the displacement apply
 to its last reading; compared with temperature, heat or resistance, an old displacement counts as not measured.
 """
@@ -14,7 +14,7 @@ from math import inf, isfinite, nan
 
 from smadrive.measurement import Measurement
 from smadrive.safety.arming_checks import check_cooled, check_may_arm
-from smadrive.safety.debounce import Debounce, Persistence
+from smadrive.safety.debounce import Debounce, Persistence, Renewal, Renewed
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Contradiction, Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
@@ -54,14 +54,13 @@ class Supervisor:
         self._hot, self._overheated, self._frozen = Debounce(2, 3), Debounce(2, 3), Debounce(2, 3)
         self._cold, self._invalid, self._powerless = Debounce(3, 5), Debounce(3, 5), Debounce(3, 5)
         self._power_w = 0.0
-        self._disarmed = Debounce(2, 2)
-        self._mismatch = Debounce(4, 5)
+        self._disarmed, self._mismatch = Debounce(2, 2), Debounce(4, 5)
+        self._renewal, self._renewed = Renewal(), Renewed(temperature=True, displacement=True)
         self._implausible, self._beyond_travel = Debounce(3, 4), Debounce(3, 4)
         self._strayed = Debounce(3, 5)
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
-        self._not_following, self._displacement_unknown = Persistence(), Persistence()
-        self._contradicting = Persistence()
+        self._not_following, self._displacement_unknown, self._contradicting = (Persistence() for _ in range(3))
         self._late_ticks = 0
 
     def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
@@ -69,7 +68,7 @@ class Supervisor:
         if not self._trusts_sensor():
             measurement = measurement._replace(displacement_mm=nan)
         self.check_fresh(measurement.time_s)
-        self._fresh_s = measurement.time_s
+        self._fresh_s, self._renewed = measurement.time_s, self._renewal.update(measurement)
         if self._by_resistance is not None:
             self._by_resistance.update(measurement)
         self._check_device(measurement)
@@ -127,10 +126,10 @@ class Supervisor:
         temperature_c, limits = measurement.temperature_c, self._limits
         if self._invalid.update(not isfinite(temperature_c)):
             self._raise(Fault.SENSOR_INVALID, measurement.time_s, measurement.temperature_fault or "no reading")
-        if self._hot.update(temperature_c > limits.temperature_max_c):
+        if self._hot.update(temperature_c > limits.temperature_max_c if self._renewed.temperature else None):
             limit = f"{limits.temperature_max_c:g} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, f"{temperature_c:.1f} °C", limit)
-        if self._cold.update(temperature_c < limits.temperature_min_c):
+        if self._cold.update(temperature_c < limits.temperature_min_c if self._renewed.temperature else None):
             limit = f"{limits.temperature_min_c:g} °C"
             self._raise(Fault.UNDER_TEMPERATURE, measurement.time_s, f"{temperature_c:.1f} °C", limit)
 
@@ -171,7 +170,7 @@ class Supervisor:
         if self._overheated.update(is_hot):
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
-        if self._frozen.update(band.unseen_c > FROZEN_C):
+        if self._frozen.update(band.unseen_c > FROZEN_C if self._renewed.temperature else None):
             detail = f"{reading_c:.2f} °C, while the wire's temperature changed by at least {band.unseen_c:.0f} K"
             self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
         if self._implausible.update(is_too_cold or (isfinite(reading_c) and not reading_c <= band.high_c)):
@@ -204,7 +203,7 @@ class Supervisor:
         if limits.has_displacement and unknown_s > limits.tracking_for_s:
             self._raise(Fault.DISPLACEMENT_UNKNOWN, measurement.time_s, f"no reading for {limits.tracking_for_s:g} s")
         outside = measured_mm < limits.displacement_min_mm or measured_mm > limits.displacement_max_mm
-        if isfinite(measured_mm) and self._strayed.update(outside):
+        if isfinite(measured_mm) and self._strayed.update(outside if self._renewed.displacement else None):
             is_low = measured_mm < limits.displacement_min_mm
             limit = f"{limits.displacement_min_mm if is_low else limits.displacement_max_mm:g} mm"
             self._raise(Fault.OVER_DISPLACEMENT, measurement.time_s, f"{measured_mm:.3f} mm", limit)
@@ -216,7 +215,7 @@ class Supervisor:
     def _check_contradiction(self, measurement: Measurement, contradiction: Contradiction | None) -> None:
         """Trip at once if the displacement is impossible at every temperature, else if the contradiction lasts."""
         band, displacement_mm = self._displacement_band, measurement.displacement_mm
-        is_beyond = band is not None and band.is_beyond_travel(displacement_mm)
+        is_beyond = None if band is None or not self._renewed.displacement else band.is_beyond_travel(displacement_mm)
         is_impossible = isfinite(displacement_mm) and self._beyond_travel.update(is_beyond)
         holds = contradiction is not None if self._is_compared(measurement) else None
         lasted_s = self._contradicting.update(measurement.time_s, holds)
