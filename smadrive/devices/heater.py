@@ -245,5 +245,5 @@ class Heater:
 
     def _sample(self, quantity: str, supplied: Sample | None, sensor: PolledSensor | None) -> Sample:
         if sensor is not None:
-            return sensor.sample()
+            return sensor.sample(heats=self.source.armed)
         return supplied if supplied is not None and quantity in self._from_source else _NOTHING

@@ -3,8 +3,9 @@
 If the sensor does not answer, or answers with an error, the previous reading is used until it is older than `stale_s`.
 Then the value is invalid. A failure of the sensor raises no error, so the measurement of the heat source is not lost.
 
-The loop waits for each missing reply. A sensor that has failed for longer than `stale_s` is therefore read less often,
-so that the loop keeps its rate and another source can replace the value.
+The loop waits for each missing reply. While the source heats, no other time is lost: a sensor waits for no noise on its
+line to end, and if it has failed for longer than `stale_s`, it is read less often. So the loop keeps its rate, and
+another source can replace the value.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class PolledSensor:
         self.period_s = period_s
         self._stale_s = stale_s
         self._clock = clock
-        self._due_s = -inf
+        self._due_s = self._resumes_s = -inf
         self._last = Sample(nan, -inf, f"no {quantity} has been read yet")
         self._failure: SmadriveError | None = None
         self._failing_since_s = inf
@@ -68,23 +69,23 @@ class PolledSensor:
         self._device.check_identity()
         self._device.enter_safe_state()
 
-    def sample(self) -> Sample:
-        """Return the latest sample. If the period has passed, read the device first.
+    def sample(self, *, heats: bool) -> Sample:
+        """Return the latest sample. If the period has passed, read the device first. `heats`: the source is armed.
 
         The value is NaN, with the reason, if the latest sample is older than `stale_s`.
         """
         now_s = self._clock.now_s()
-        if now_s >= self._due_s:
+        if now_s >= (max(self._due_s, self._resumes_s) if heats else self._due_s):
             self._due_s = max(self._due_s, now_s - self.period_s) + self.period_s
-            self._poll(now_s)
+            self._poll(now_s, self._within_s() if heats else inf)
         age_s = self._clock.now_s() - self._last.time_s
         if age_s > self._stale_s and self._last.problem is None:
             return Sample(nan, self._last.time_s, f"no new {self.quantity} for {age_s:.2f} s ({self._failure})")
         return self._last
 
-    def _poll(self, now_s: float) -> None:
+    def _poll(self, now_s: float, within_s: float) -> None:
         try:
-            reading = self._device.read((self._name,), within_s=self._within_s())[self._name]
+            reading = self._device.read((self._name,), within_s=within_s)[self._name]
         except (TransportError, ProtocolError, DeviceError) as error:
             self._failure = error
             self._failing_since_s = min(self._failing_since_s, now_s)
@@ -94,7 +95,7 @@ class PolledSensor:
         self._last = Sample(reading.value, self._clock.now_s(), reading.invalid)
 
     def _within_s(self) -> float:
-        """Return the time within which a reading must succeed, s.
+        """Return the time within which a reading must succeed while the source heats, s.
 
         The silence of the line that must follow a failure passes between two readings. On a shared line it must be
         awaited, because the failures of the neighbours would prolong it without end.
@@ -102,10 +103,10 @@ class PolledSensor:
         return _attempt_s(self._device) * (2.0 if self._neighbours else 1.0)
 
     def _pause(self, asked_s: float, failed_s: float) -> None:
-        """Read a sensor that has failed for longer than `stale_s` only after half of this time."""
+        """Leave a sensor that has failed for longer than `stale_s` alone for half of this time."""
         failing_s = failed_s - self._failing_since_s
         if failing_s > self._stale_s:
-            self._due_s = max(self._due_s, failed_s + min(0.5 * failing_s, FAILED_PAUSE * (failed_s - asked_s)))
+            self._resumes_s = failed_s + min(0.5 * failing_s, FAILED_PAUSE * (failed_s - asked_s))
 
 
 def _attempt_s(device: Device) -> float:
