@@ -107,8 +107,8 @@ class Device:
         """Read the registers `names` in as few requests as possible, and return their readings.
 
         Plain Modbus RTU cannot distinguish a second copy of the previous reply from a new reply of equal length.
-        `proved` excludes such copies: the device must first answer a request of another length (ModbusClient.execute),
-        which costs one more. Set it where a safety decision depends on the readings. `within_s` is that of `command`.
+        `proved` excludes such copies with one more transaction: the device must first answer a request of another
+        length. Set it where a safety decision depends on the readings. `within_s` is that of `command`.
         """
         with self._doubt, self._registers.within(within_s):
             if self._check.model_registers or self.identity:
@@ -142,8 +142,8 @@ class Device:
         """Read `reads`, then write `value` to the register `name`, unless the previous command wrote the same value.
 
         The value is rounded down. `reads` must include `name`. Return the readings by name; they show the effect of the
-        previous command. ReadBackError when the register does not hold the value of the previous command. A silent
-        device is given up after about `within_s`.
+        previous command. ReadBackError when the register does not hold the value of the previous command. No retry and
+        no quarantine begins that a silent device would prolong beyond `within_s` from now.
         """
         with self._doubt, self._registers.within(within_s):
             self._prove_model()

@@ -213,7 +213,7 @@ class Heater:
         if not headroom_c > 0.0:  # the wire is too hot, or its temperature is unknown (NaN)
             return 0.0, ("temperature",) if current_a > 0.0 else ()
         most_a, limit = self.limits.current_max_a, "current_max"
-        if self.thermometer is not None and self.thermometer.is_silent and self.limits.holding_a < most_a:
+        if self.thermometer is not None and self.thermometer.failure and self.limits.holding_a < most_a:
             most_a, limit = self.limits.holding_a, "temperature"
         if headroom_c < DERATE_C:
             most_a *= headroom_c / DERATE_C

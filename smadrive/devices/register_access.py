@@ -61,9 +61,9 @@ class RegisterAccess:
 
     @contextmanager
     def within(self, time_s: float) -> Iterator[None]:
-        """Within the block, nothing is waited for that a silent device would prolong beyond `time_s` from now.
+        """Within the block, no retry and no quarantine begins that a silent device would outlast `time_s`.
 
-        Neither a retry nor a quarantine begins, but a first request on a silent bus does.
+        A first request on a silent bus begins in any case.
         """
         before_s = self._retry_until_s
         self._retry_until_s = min(before_s, self._client.clock.now_s() + time_s)

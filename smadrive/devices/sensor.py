@@ -3,9 +3,9 @@
 If the sensor does not answer, or answers with an error, the previous reading is used until it is older than `stale_s`.
 Then the value is invalid. A failure of the sensor raises no error, so the measurement of the heat source is not lost.
 
-The loop waits for each missing reply. While the source heats, no other time is lost: a sensor waits for no noise on its
-line to end, and if it has failed for longer than `stale_s`, it is read less often. So the loop keeps its rate, and
-another source can replace the value.
+The loop waits for each missing reply. While the source heats, it waits for little else: no reading awaits the end of
+noise on the line, and a sensor that has failed for longer than `stale_s` is read less often. So the loop keeps its
+rate, and another source can replace the value.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class PolledSensor:
 
     @property
     def delay_s(self) -> float:
-        """The longest time by which the sensor delays a tick of the loop while it is silent, s.
+        """The longest time by which the sensor delays a tick of the loop when it falls silent, s.
 
         On a line of its own, that is a missed deadline, and the time in which a lost connection is opened again. On a
         shared line, the next request must also wait until the line has been silent.
@@ -60,9 +60,9 @@ class PolledSensor:
         return _attempt_s(self._device) + reopening_s + silence_s
 
     @property
-    def is_silent(self) -> bool:
-        """True if the last attempt to read the sensor failed."""
-        return self._failure is not None
+    def failure(self) -> SmadriveError | None:
+        """The error since which every attempt to read the sensor has failed; None if the last attempt succeeded."""
+        return self._failure
 
     def connect(self) -> None:
         """Prove the identity of the device, then write its safe state, because a temperature controller could heat."""
@@ -87,7 +87,7 @@ class PolledSensor:
         try:
             reading = self._device.read((self._name,), within_s=within_s)[self._name]
         except (TransportError, ProtocolError, DeviceError) as error:
-            self._failure = error
+            self._failure = self._failure or error  # later errors are those of a line that must become silent first
             self._failing_since_s = min(self._failing_since_s, now_s)
             self._pause(now_s, self._clock.now_s())
             return
@@ -97,10 +97,12 @@ class PolledSensor:
     def _within_s(self) -> float:
         """Return the time within which a reading must succeed while the source heats, s.
 
-        The silence of the line that must follow a failure passes between two readings. On a shared line it must be
-        awaited, because the failures of the neighbours would prolong it without end.
+        After a failure, the line must be silent for a response timeout. A displacement sensor on a line of its own does
+        not wait for that: the time passes between two readings. A thermometer waits, because the run ends if it fails
+        for long. So does a sensor on a shared line, where failures of its neighbours could break the silence each time.
         """
-        return _attempt_s(self._device) * (2.0 if self._neighbours else 1.0)
+        waits = self.quantity == "temperature" or self._neighbours
+        return _attempt_s(self._device) * (2.0 if waits else 1.0)
 
     def _pause(self, asked_s: float, failed_s: float) -> None:
         """Leave a sensor that has failed for longer than `stale_s` alone for half of this time."""

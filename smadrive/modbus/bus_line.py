@@ -3,7 +3,8 @@
 Before a request, the line discards and counts the bytes that have already arrived, because they cannot be its reply. On
 RTU, a quarantine may follow: the line sends nothing until the bus has been silent for one response timeout. A
 quarantine is necessary on a new connection, after a request that failed or was sent unconfirmed, and when bytes were
-discarded. `send_unconfirmed` discards nothing and needs no quarantine; it waits only for the pause between frames.
+discarded. It fails if the bus is not silent in time for the request (`Transaction.retry_until_s`). `send_unconfirmed`
+discards nothing and needs no quarantine; it waits only for the pause between frames.
 
 A socket that missed a deadline may be dead without a sign: the gateway restarted, or a router dropped the connection
 from its table. So the line closes the socket and opens a new one for the next request. A new connection may lead to
@@ -27,6 +28,8 @@ from smadrive.modbus.verdict import ConnectionState, Outcome, Verdict
 
 REOPENS_WITHIN_S = 0.5
 """Time limit in seconds for opening a lost connection again."""
+SHORT_FRAMES = 20
+"""Number of characters of a request for a few registers and of its reply."""
 TURNAROUND_S = 0.1  # pause after a broadcast: serial line V1.02, section 2.4.1
 
 
@@ -66,7 +69,8 @@ class BusLine:
 
     def attempt_s(self, timing: BusTiming) -> float:
         """Return the time in s of a request that a silent device does not answer: a pause, and a missed deadline."""
-        return self._gap_s(timing) + self._patience_s(timing)
+        on_wire_s = SHORT_FRAMES * self._character_s
+        return max(self._gap_s(timing), timing.interval_s) + on_wire_s + self._patience_s(timing)
 
     def settle(self, transaction: Transaction) -> None:
         """Prepare the line for a request to the unit of `transaction`.

@@ -45,11 +45,7 @@ class ModbusClient:
         return self._line.connection
 
     def attempt_s(self, timing: BusTiming) -> float:
-        """Return the time in s of a request that a silent device does not answer: a pause, and a missed deadline.
-
-        A quarantine takes at most as long. A connection that is closed after a missed deadline takes up to
-        `REOPENS_WITHIN_S` to open again.
-        """
+        """Return the time in s of a request that a silent device does not answer: a pause, and a missed deadline."""
         return self._line.attempt_s(timing)
 
     def execute(

@@ -19,7 +19,7 @@ from smadrive.devices.profile.profile import Profile
 from smadrive.devices.retry import PAUSES_S
 from smadrive.errors import ConfigError
 from smadrive.modbus.bus_line import REOPENS_WITHIN_S
-from smadrive.modbus.transports.connect import is_remote, latency_s_of, line_settings, port_of
+from smadrive.modbus.transports.connect import is_remote, line_settings, port_of
 from smadrive.rig.config import LimitsConfig, RigConfig
 from smadrive.rig.planned_device import SIMULATED, PlannedDevice, check_full_scales
 
@@ -30,9 +30,6 @@ STALE_PERIODS = 3.0
 
 SLOW_PERIODS = 2.0
 """A sensor that is read less often than once in this many periods of the loop gives a warning."""
-
-SILENT_TIMEOUTS = 2.0
-"""A silent sensor delays a tick by this multiple of its reply timeout: a missed deadline, and a quarantine."""
 
 GUARDIAN_PATIENCE = 1.5
 """Smallest `watchdog_s` with a guardian, as a multiple of the longest time that the driver waits for a reply."""
@@ -81,7 +78,7 @@ def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collecti
     _check_addresses(devices, where)
     guardian = _guardian(source, devices, config.limits, where)
     limits, corrections = _limits(config.limits), config.calibration.corrections()
-    caveats = *_slow(sensors, config), *_unlimited(source, limits)
+    caveats = *_slow(sensors, config), *_indispensable(sensors, devices, config), *_unlimited(source, limits)
     return RigPlan(devices, source, sensors, limits, guardian, stale_after_s(config), corrections, caveats)
 
 
@@ -91,21 +88,38 @@ def stale_after_s(config: RigConfig) -> float:
 
 
 def _slow(sensors: Iterable[PlannedSensor], config: RigConfig) -> Iterator[str]:
-    """Yield a warning for each sensor whose readings are mostly old, and for each whose silence would end a run."""
+    """Yield a warning for each sensor that is slow for the loop: most ticks have an old reading."""
     for sensor in sensors:
-        name, period_s = sensor.device.name, 1.0 / config.rate_hz
-        if sensor.period_s > SLOW_PERIODS * period_s:
+        if sensor.period_s * config.rate_hz > SLOW_PERIODS:
             yield (
-                f"'{name}' gives a new {sensor.quantity} only every {sensor.period_s:g} s, but the loop runs every "
-                f"{period_s:g} s: most of its readings are old: set rate_hz of the rig to {1.0 / sensor.period_s:.3g}"
+                f"'{sensor.device.name}' gives a new {sensor.quantity} only every {sensor.period_s:g} s, but the loop "
+                f"runs every {1.0 / config.rate_hz:g} s: most of its readings are old: set rate_hz of the rig to "
+                f"{1.0 / sensor.period_s:.3g}"
             )
-        missed_s = period_s + SILENT_TIMEOUTS * _reply_timeout_s(sensor.device)
-        missed_s += 0.0 if sensor.device.is_simulated or not is_remote(sensor.device.config.url) else REOPENS_WITHIN_S
-        if sensor.quantity == "displacement" and missed_s > min(stale_after_s(config), config.limits.watchdog_s):
+
+
+def _indispensable(
+    sensors: Iterable[PlannedSensor], devices: Sequence[PlannedDevice], config: RigConfig
+) -> Iterator[str]:
+    """Yield a warning for each displacement sensor whose silence would delay a tick until the run ends."""
+    limit_s = min(stale_after_s(config), config.limits.watchdog_s)
+    for device in (sensor.device for sensor in sensors if sensor.quantity == "displacement"):
+        tick_s = 1.0 / config.rate_hz + _silent_s(device, devices)
+        if tick_s > limit_s:
             yield (
-                f"a run ends if '{name}' falls silent, because a tick then takes {missed_s:.2g} s: set stale_after_s "
-                f"and watchdog_s to more than that, so that the run goes on without this sensor"
+                f"a run ends if '{device.name}' falls silent, because a tick then takes {tick_s:.2g} s: set "
+                "stale_after_s and watchdog_s to more than that, so that the run goes on"
             )
+
+
+def _silent_s(device: PlannedDevice, devices: Sequence[PlannedDevice]) -> float:
+    """Return the time by which the device delays a tick when it falls silent, s (see `PolledSensor.delay_s`)."""
+    timeout_s = device.reply_timeout_s
+    if device.is_simulated:
+        return timeout_s
+    sharing = [one for one in devices if not one.is_simulated and port_of(one.config.url) == port_of(device.config.url)]
+    quiet_s = max(one.reply_timeout_s for one in sharing) if len(sharing) > 1 else 0.0
+    return timeout_s + quiet_s + (REOPENS_WITHIN_S if is_remote(device.config.url) else 0.0)
 
 
 def _unlimited(source: PlannedDevice, limits: HeaterLimits) -> Iterator[str]:
@@ -218,7 +232,7 @@ def _guardian(source: PlannedDevice, devices: Iterable[PlannedDevice], limits: L
     """Return the task of the guardian, or None if the source needs none; ConfigError if `watchdog_s` is too short."""
     if source.is_simulated or source.source_type.has_watchdog:
         return None
-    longest_s = max(*PAUSES_S, *(_reply_timeout_s(device) for device in devices if not device.is_simulated))
+    longest_s = max(*PAUSES_S, *(device.reply_timeout_s for device in devices if not device.is_simulated))
     if limits.watchdog_s < GUARDIAN_PATIENCE * longest_s:
         raise ConfigError(
             f"limits.watchdog_s is too short for a guardian, because the driver may wait {longest_s:g} s for a reply",
@@ -230,11 +244,6 @@ def _guardian(source: PlannedDevice, devices: Iterable[PlannedDevice], limits: L
     device = source.config
     guarded = GuardedDevice(device.profile, device.url, device.unit_id, current_max_a=limits.current_max_a)
     return Task(guarded, limits.watchdog_s)
-
-
-def _reply_timeout_s(device: PlannedDevice) -> float:
-    latency_s = 0.0 if device.is_simulated else latency_s_of(device.config.url)
-    return device.profile.timing.response_timeout_ms / 1e3 + latency_s
 
 
 def _names(devices: Iterable[PlannedDevice]) -> str:

@@ -13,6 +13,7 @@ from smadrive.devices.heating.supply import BenchSupply
 from smadrive.devices.heating.tclab import TCLab
 from smadrive.devices.profile.profile import Profile, load_profile
 from smadrive.errors import ConfigError
+from smadrive.modbus.transports.connect import latency_s_of
 from smadrive.rig.config import DeviceConfig
 
 SIMULATED = "sim://"
@@ -61,6 +62,12 @@ class PlannedDevice:
     def unit_id(self) -> int:
         """The unit id in the rig file, or the factory setting of the device if the file has none."""
         return self.profile.unit_id if self.config.unit_id is None else self.config.unit_id
+
+    @property
+    def reply_timeout_s(self) -> float:
+        """The longest time in which the device replies, with the latency of its connection, s."""
+        latency_s = 0.0 if self.is_simulated else latency_s_of(self.config.url)
+        return self.profile.timing.response_timeout_ms / 1e3 + latency_s
 
     @property
     def source_type(self) -> type[HeaterBoard | BenchSupply | TCLab]:

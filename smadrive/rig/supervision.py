@@ -111,7 +111,7 @@ def check_rate(config: RigConfig, heater: Heater, clock: Clock) -> None:
     """Raise ConfigError if the devices cannot keep up with the rig's rate. The current is set to zero.
 
     Every exchange writes, as the exchanges of a run do whose current changes. TransportError if the devices are late
-    because a sensor does not answer.
+    because a sensor cannot be read.
     """
     begun_s, period_s = clock.now_s(), 1.0 / config.rate_hz
     for _ in range(RATE_EXCHANGES):
@@ -119,7 +119,7 @@ def check_rate(config: RigConfig, heater: Heater, clock: Clock) -> None:
         heater.exchange(0.0)
     needed_s = (clock.now_s() - begun_s) / RATE_EXCHANGES
     if needed_s > period_s:
-        _check_answers(heater)
+        _check_readings(config, heater)
         raise ConfigError(
             "the devices are too slow for rate_hz",
             where=f"rig '{config.name}'",
@@ -129,11 +129,11 @@ def check_rate(config: RigConfig, heater: Heater, clock: Clock) -> None:
         )
 
 
-def _check_answers(heater: Heater) -> None:
+def _check_readings(config: RigConfig, heater: Heater) -> None:
     for sensor in (heater.thermometer, heater.displacement):
-        if sensor is not None and sensor.is_silent:
-            what, cure = f"the sensor of the {sensor.quantity} does not answer", "check its cable and its supply"
-            raise TransportError(what, cure=cure)
+        if sensor is not None and sensor.failure is not None:
+            where, what = f"rig '{config.name}'", f"the sensor of the {sensor.quantity} cannot be read"
+            raise TransportError(what, where=where, value=str(sensor.failure), cure="check this sensor")
 
 
 def unexpected_current(config: RigConfig, measurement: Measurement) -> str | None:

@@ -1,6 +1,6 @@
 """Two ways to wait before a condition counts: until several samples show it, or until it has lasted for some time.
 
-A sensor that is slower than the loop shows the same reading in several ticks. It is one sample, and so is its error.
+A sensor that is slower than the loop shows the same reading in several ticks. `Renewal` tells which readings are new.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ class Renewal:
         self._temperature_s = self._displacement_s = -inf
 
     def update(self, measurement: Measurement) -> Renewed:
-        """Return which readings are newer than those of the measurement before. A reading without an age is new."""
+        """Return which readings are newer than those of the measurement before. A reading of unknown age is new."""
         temperature_s = measurement.time_s - measurement.temperature_age_s
         displacement_s = measurement.time_s - measurement.displacement_age_s
         renewed = Renewed(
-            measurement.temperature_age_s == 0.0 or temperature_s > self._temperature_s + RENEWED_S,
-            measurement.displacement_age_s == 0.0 or displacement_s > self._displacement_s + RENEWED_S,
+            measurement.temperature_age_s == 0.0 or not temperature_s <= self._temperature_s + RENEWED_S,
+            measurement.displacement_age_s == 0.0 or not displacement_s <= self._displacement_s + RENEWED_S,
         )
         self._temperature_s, self._displacement_s = temperature_s, displacement_s
         return renewed

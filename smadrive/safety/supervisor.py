@@ -1,9 +1,10 @@
 """The supervisor: checks every measurement, is independent of the controller, and can always stop the run.
 
 The supervisor latches the first fault. It debounces conditions that noise can cause: these become a fault only when
-several of the latest readings show them. A missing displacement or current counts neither way, so a sensor that reads
-only now and then is still checked. Late, wrong and missing data are faults, too. The limits of the displacement apply
-to its last reading; compared with temperature, heat or resistance, an old displacement counts as not measured.
+several of the latest samples show them. For the limits of temperature and displacement, and for a frozen thermometer,
+only new readings are samples: a slow sensor shows a wrong one in several ticks. A missing displacement or current
+counts neither way, so a sensor that reads only now and then is still checked. Late, wrong and missing data are faults,
+too. Compared with temperature, heat or resistance, an old displacement counts as not measured.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ A key without an effect is an error. Otherwise the table would name a setting th
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from smadrive.campaigns.plan.axes import Axis
@@ -33,7 +33,7 @@ EXCLUDED = {
 }
 """Keys that have no effect together with another key: the other key, and the reason."""
 
-OF_OTHERS = {
+IN_NO_CAMPAIGN = {
     "rig.feedback.adapt": ("only `smadrive tune` adapts the rules", "remove it"),
     "rig.model": ("its runs use the key `model` of [run]", "remove it, or write `model` in its place"),
     "rig.off_by_mqtt": ("it publishes nothing to a broker", "remove it"),
@@ -72,8 +72,8 @@ def check_settings(table: Table, settings: RunSettings, axes: Sequence[Axis], fa
     `faults` are the faults of its disturbance.
     """
     _check_complete(settings)
-    varied = {path for axis in axes for path in axis.settings[0]}
-    for useless in (*_useless(table, settings), *_useless_alone(table, settings, varied, faults)):
+    varied = frozenset(path for axis in axes for path in axis.settings[0])
+    for useless in (*_useless(table, settings), *_useless_unless_varied(table, settings, varied, faults)):
         where = f"{_table_of(useless.key, axes)}: {useless.key}"
         raise ConfigError(f"has no effect {useless.why}", where=where, cure=useless.cure)
 
@@ -108,17 +108,18 @@ def _useless(table: Table, settings: RunSettings) -> Iterator[_Useless]:
     for key, (other, why) in EXCLUDED.items():
         if _is_set(table, key) and _is_set(table, other):
             yield _Useless(key, f"with {other}: {why}", "remove one of the two keys")
-    for key, (why, cure) in OF_OTHERS.items():
+    for key, (why, cure) in IN_NO_CAMPAIGN.items():
         if _is_set(table, key):
             yield _Useless(key, f"in a campaign: {why}", cure)
 
 
-def _useless_alone(
-    table: Table, settings: RunSettings, varied: Collection[str], faults: Sequence[str]
+def _useless_unless_varied(
+    table: Table, settings: RunSettings, varied: frozenset[str], faults: Sequence[str]
 ) -> Iterator[_Useless]:
     """Yield the keys that the run cannot use, unless the setting on which this depends varies between the runs."""
     if settings.controller == "feedback-only" and "controller" not in varied:
         by_sensor = settings.displacement_sensor and settings.rig.get("displacement_from", "sensor") == "sensor"
+        by_sensor = by_sensor and varied.isdisjoint({"displacement_sensor", "rig.displacement_from"})
         key = "rig.feedback" if by_sensor else "rig.feedback.feedforward_share"
         if _is_set(table, key):
             yield _Useless(key, 'with controller = "feedback-only": it has gains of its own', "remove it")

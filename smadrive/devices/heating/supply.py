@@ -40,8 +40,8 @@ class BenchSupply(DeviceSource[Device]):
     def __init__(self, device: Device, answers_within_s: float = inf) -> None:
         """Nothing is sent yet.
 
-        While the supply is armed, `exchange` begins nothing that a silent supply would prolong beyond
-        `answers_within_s` after its last answer: meanwhile current flows, and nothing is checked.
+        While the supply is armed, `exchange` begins no retry and no quarantine that a silent supply would prolong
+        beyond `answers_within_s` after its last answer: meanwhile current flows, and nothing is checked.
         """
         super().__init__(device)
         profile = device.profile

@@ -70,6 +70,11 @@ def test_a_current_that_holds_the_wire_below_its_limit_goes_on_after_a_lost_repl
     assert all(tick.measurement.in_force_a == pytest.approx(0.29, abs=0.001) for tick in ticks)
 
 
+def test_a_run_survives_two_lost_replies():
+    _, _, ended = heated(supply_config(current_max_a=0.4), 0.29, 90.0, replies=2)
+    assert ended is None
+
+
 def test_current_that_could_overheat_the_wire_unseen_is_refused():
     with pytest.raises(ConfigError) as refused:
         heated(supply_config(current_max_a=0.57), 0.57, 118.0, replies=1)

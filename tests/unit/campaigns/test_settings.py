@@ -105,6 +105,10 @@ def test_random_wires_and_repeats_have_no_effect_on_a_fit(checked, counted, key)
         (TRACK, 'rig.wire = ["flexinol-lt-0.15mm"]'),
         (TRACK + "rig.feedback.closed_loop_s = 0.5\n", 'controller = ["inverse", "feedback-only"]'),
         (TRACK + 'disturbance = "stuck"\n', "displacement_sensor = [true, false]"),
+        (
+            TRACK + 'controller = "feedback-only"\nrig.feedback.closed_loop_s = 0.5\n',
+            'rig.displacement_from = ["sensor", "none"]',
+        ),
         (FIT + 'fit.output = "displacement_mm"\n', 'fit.kind = ["duhem", "tsfuzzy"]'),
     ],
 )

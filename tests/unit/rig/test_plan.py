@@ -61,7 +61,12 @@ def test_voltage_limit_that_the_source_cannot_keep_gives_a_warning(device, warni
 
 @pytest.mark.parametrize(
     ("url", "warnings"),
-    [("serial:///dev/ttyX", 0), ("serial:///dev/ttyX?latency_ms=200", 1), ("tcp://127.0.0.1:5020", 1)],
+    [
+        ("serial:///dev/ttyX", 0),
+        ("serial:///dev/ttyX?latency_ms=100", 0),
+        ("serial:///dev/ttyX?latency_ms=200", 1),
+        ("tcp://127.0.0.1:5020", 1),
+    ],
 )
 def test_laser_whose_silence_would_end_a_run_gives_a_warning(url, warnings):
     board = BOARD | {"measures": ["temperature"]}

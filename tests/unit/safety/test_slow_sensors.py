@@ -35,6 +35,12 @@ def trip_of(temperatures_c, displacements_mm):
     return None
 
 
+def test_a_reading_of_unknown_age_counts_in_every_tick():
+    supervisor = Supervisor(LIMITS)
+    hot = Measurement(0.0, 140.0, 0.2, 3.3, 5.0, in_force_a=0.2, armed=True, temperature_age_s=nan)
+    assert [supervisor.update(hot, nan) is None for _ in range(2)] == [True, False]
+
+
 @pytest.mark.parametrize(
     ("temperature_c", "displacement_mm", "trips"),
     [
