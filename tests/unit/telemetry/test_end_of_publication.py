@@ -69,6 +69,25 @@ class SlowBroker:
             connection.sendall(bytes((0x40, 2)) + body[end : end + 2])
 
 
+class ForgetfulBroker(SlowBroker):
+    """A broker that restarts when it gets the end of the command, before it confirms it.
+
+    It has then forgotten all messages: `messages` has those of the second connection.
+    """
+
+    def _serve(self, listening):
+        self._is_first = True
+        super()._serve(listening)
+        self._is_first = False
+        self.messages.clear()
+        super()._serve(listening)
+
+    def _take(self, body, connection):
+        if self._is_first and body.endswith(b"ended"):
+            raise ConnectionResetError
+        super()._take(body, connection)
+
+
 def length_of(stream):
     """The number of bytes that a packet has after its head."""
     length = shift = 0
@@ -91,6 +110,15 @@ def test_end_has_precedence_over_waiting_samples(confirms, samples):
     assert (state["mode"], state["end"]) == ("off", "off")
     assert (faults["any"], faults["fault_type"]) == (True, "TripError")
     assert (broker.kinds[-1] == DISCONNECT) == confirms
+
+
+def test_broker_that_restarts_at_the_end_gets_every_retained_message_again():
+    broker = ForgetfulBroker(confirms=True)
+    with broker.running() as url, Published(url) as published:
+        published.begin().tick(5)
+        wait_for(lambda: published.publication.counts.connections)
+    assert broker.last("driver") == "ended"
+    assert {"schema", "state", "faults"} <= {topic.rsplit("/", 1)[-1] for topic, _ in broker.messages}
 
 
 def tripped(published, samples):
