@@ -43,6 +43,10 @@ class PolledSensor:
         self.period_s = period_s
         self._stale_s = stale_s
         self._clock = clock
+        # After a failure, the line must be silent for a response timeout. A displacement sensor on a line of its own
+        # does not wait for that: the time passes between two readings. A thermometer waits, because the run ends if it
+        # fails for long. A sensor on a shared line waits, too: other devices could break the silence each time.
+        self._within_s = _attempt_s(device) * (2.0 if quantity == "temperature" or neighbours else 1.0)
         self._due_s = self._resumes_s = -inf
         self._last = Sample(nan, -inf, f"no {quantity} has been read yet")
         self._failure: SmadriveError | None = None
@@ -77,7 +81,7 @@ class PolledSensor:
         now_s = self._clock.now_s()
         if now_s >= (max(self._due_s, self._resumes_s) if heats else self._due_s):
             self._due_s = max(self._due_s, now_s - self.period_s) + self.period_s
-            self._poll(now_s, self._within_s() if heats else inf)
+            self._poll(now_s, self._within_s if heats else inf)
         age_s = self._clock.now_s() - self._last.time_s
         if age_s > self._stale_s and self._last.problem is None:
             return Sample(nan, self._last.time_s, f"no new {self.quantity} for {age_s:.2f} s ({self._failure})")
@@ -93,16 +97,6 @@ class PolledSensor:
             return
         self._failure, self._failing_since_s = None, inf
         self._last = Sample(reading.value, self._clock.now_s(), reading.invalid)
-
-    def _within_s(self) -> float:
-        """Return the time within which a reading must succeed while the source heats, s.
-
-        After a failure, the line must be silent for a response timeout. A displacement sensor on a line of its own does
-        not wait for that: the time passes between two readings. A thermometer waits, because the run ends if it fails
-        for long. So does a sensor on a shared line, where failures of its neighbours could break the silence each time.
-        """
-        waits = self.quantity == "temperature" or self._neighbours
-        return _attempt_s(self._device) * (2.0 if waits else 1.0)
 
     def _pause(self, asked_s: float, failed_s: float) -> None:
         """Leave a sensor that has failed for longer than `stale_s` alone for half of this time."""

@@ -125,7 +125,7 @@ def _useless_unless_varied(
             yield _Useless(key, 'with controller = "feedback-only": it has gains of its own', "remove it")
     of_sensor = [fault for fault in faults if fault.endswith(OF_SENSOR)]
     if of_sensor and not settings.displacement_sensor and "displacement_sensor" not in varied:
-        why = f"without a displacement sensor, because of its fault '{of_sensor[0]}'"
+        why = f"without a displacement sensor: '{of_sensor[0]}' is a fault of this sensor"
         yield _Useless("disturbance", why, "remove this fault, or the key `displacement_sensor`")
 
 
