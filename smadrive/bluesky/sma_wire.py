@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import inspect
 import time
-from collections.abc import Coroutine, Iterator
+from collections.abc import Coroutine, Iterator, Mapping
 from typing import Any
 
 from smadrive.bluesky.flight import Flight
@@ -125,10 +125,12 @@ class SmaWire:
         """Return the data keys of `read_configuration`."""
         return self._settings.describe(self.name, ("rig", "model_source", "log_file"))
 
-    def configure(self, **settings: float) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Change settings, and return the old and the new configuration. ConfigError for an unknown setting."""
+    def configure(
+        self, values: Mapping[str, float] | None = None, /, **settings: float
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Change settings, named or in a mapping; return the old and the new configuration. May raise ConfigError."""
         before = self.read_configuration()
-        self._settings = self._settings.changed(**settings)
+        self._settings = self._settings.changed(**{**(values or {}), **settings})
         return before, self.read_configuration()
 
     def stage(self) -> list[SmaWire]:

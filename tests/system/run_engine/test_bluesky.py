@@ -160,8 +160,11 @@ def test_trip_is_a_failed_status(engine, documents, identified):
 def test_configuration_changes(wire):
     before, after = wire.configure(settle_s=2.0)
     assert (before["wire_settle_s"]["value"], after["wire_settle_s"]["value"]) == (1.0, 2.0)
+    assert wire.configure({"settle_s": 3.0})[1]["wire_settle_s"]["value"] == 3.0
     with pytest.raises(ConfigError):
         wire.configure(settle=2.0)
+    with pytest.raises(ConfigError):
+        wire.configure({"settle": 2.0})
     with pytest.raises(ConfigError):
         wire.configure(tolerance_mm=-1.0)
     assert wire.read_configuration()["wire_tolerance_mm"]["value"] == 0.2
