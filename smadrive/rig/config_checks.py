@@ -32,6 +32,7 @@ from smadrive.devices.heater import DERATE_C
 from smadrive.errors import ConfigError
 from smadrive.rig.config import RigConfig, kelvin_hint
 from smadrive.rig.controllers import excitation_path
+from smadrive.safety.safety_limits import LEAST_SHARE
 from smadrive.wire.data_sheet import LEADS_OHM, WireDataSheet
 from smadrive.wire.heat_balance import HeatBalance
 
@@ -40,9 +41,6 @@ AMPLE = 20.0
 
 LEAST_WARMING_K = 1.0
 """Lowest current limit: the current that holds the wire this much above ambient_c."""
-
-LEAST_SHARE = 0.5
-"""Lowest voltage limit: the voltage that drives this fraction of current_max_a through the nominal wire."""
 
 MOST_VOLTS = 4.0
 """Highest voltage limit, as a multiple of (R + R_leads) max(I_max, I_held); see the head of this file."""

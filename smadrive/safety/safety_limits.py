@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, isfinite, nan
+from math import isfinite, nan
 
 from smadrive.measurement import Measurement
+
+LEAST_SHARE = 0.5
+"""A voltage limit of the device explains only a current above this share of the commanded current."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,17 +33,17 @@ class SafetyLimits:
     """
 
     temperature_max_c: float
-    temperature_min_c: float = -20.0
-    current_max_a: float = inf
-    stale_after_s: float = 0.3
-    current_tolerance_a: float = 0.05
-    settle_s: float = 0.0
-    displacement_min_mm: float = -inf
-    displacement_max_mm: float = inf
-    tracking_max_mm: float = inf
-    tracking_for_s: float = 2.0
-    contradicts_for_s: float = 2.0
-    displacement_fresh_s: float = 0.5
+    temperature_min_c: float
+    current_max_a: float
+    stale_after_s: float
+    current_tolerance_a: float
+    settle_s: float
+    displacement_min_mm: float
+    displacement_max_mm: float
+    tracking_max_mm: float
+    tracking_for_s: float
+    contradicts_for_s: float
+    displacement_fresh_s: float
 
     @property
     def has_displacement(self) -> bool:
@@ -72,8 +75,8 @@ class SafetyLimits:
 def excuses_less_than(measurement: Measurement, commanded_a: float) -> bool:
     """Return True if a limit of the device explains a current below `commanded_a`.
 
-    A voltage limit alone explains only a current above half of `commanded_a`.
+    A voltage limit alone explains only a current above `LEAST_SHARE` of `commanded_a`.
     """
     if measurement.device_limits == ("voltage",):
-        return measurement.current_a > 0.5 * commanded_a
+        return measurement.current_a > LEAST_SHARE * commanded_a
     return bool(measurement.device_limits)

@@ -1,25 +1,19 @@
 """A sensor that is slower than the loop: one wrong reading is one sample, in however many ticks it is shown."""
 
+from dataclasses import replace
 from math import nan
 
 import pytest
 
 from smadrive.measurement import Measurement
 from smadrive.safety.faults import Fault
-from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
+from tests.unit.safety import limits
 
 TICKS = 5
 """Number of ticks that show one reading."""
 
-LIMITS = SafetyLimits(
-    temperature_max_c=120.0,
-    temperature_min_c=10.0,
-    stale_after_s=0.3,
-    current_tolerance_a=0.05,
-    contradicts_for_s=3.5,
-    displacement_max_mm=9.0,
-)
+LIMITS = replace(limits.LIMITS, temperature_min_c=10.0, displacement_max_mm=9.0)
 
 
 def trip_of(temperatures_c, displacements_mm):

@@ -10,12 +10,10 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR, Fault
-from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import IDENTIFIED, TemperatureBand
 from smadrive.wire.heat_balance import HeatBalance
-
-LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05, contradicts_for_s=3.5)
+from tests.unit.safety.limits import LIMITS
 
 
 def sample(n=0, temperature_c=60.0, current_a=0.2, in_force_a=0.2, armed=True, **rest):
@@ -208,7 +206,7 @@ def test_temperature_below_its_minimum_trips():
 
 
 def test_current_of_a_slow_source_may_lie_between_its_last_commands():
-    slow = SafetyLimits(120.0, settle_s=0.5)
+    slow = replace(LIMITS, settle_s=0.5)
     ramp = [sample(n, current_a=0.02 * n, in_force_a=0.02 * (n + 8)) for n in range(100)]
     assert trips_after(ramp) == (4, Fault.CURRENT_MISMATCH)
     assert trips_after(ramp, slow) is None
@@ -225,19 +223,19 @@ def test_voltage_limit_explains_less_current_but_not_a_broken_wire():
 
 
 def test_displacement_has_its_own_limits():
-    limits = SafetyLimits(120.0, displacement_min_mm=-1.0, displacement_max_mm=12.0)
-    assert trips_after([sample(displacement_mm=11.9)] * 10, limits) is None
-    assert trips_after([sample(displacement_mm=12.1)] * 10, limits) == (3, Fault.OVER_DISPLACEMENT)
-    assert trips_after([sample(displacement_mm=nan)] * 10, limits) is None
+    between = replace(LIMITS, displacement_min_mm=-1.0, displacement_max_mm=12.0)
+    assert trips_after([sample(displacement_mm=11.9)] * 10, between) is None
+    assert trips_after([sample(displacement_mm=12.1)] * 10, between) == (3, Fault.OVER_DISPLACEMENT)
+    assert trips_after([sample(displacement_mm=nan)] * 10, between) is None
 
 
 def test_wire_that_does_not_follow_for_too_long_trips():
-    limits = SafetyLimits(120.0, tracking_max_mm=1.0, tracking_for_s=2.0)
+    tracking = replace(LIMITS, tracking_max_mm=1.0, tracking_for_s=2.0)
     strayed = [sample(n, displacement_mm=3.5) for n in range(100)]
     back = [sample(n, displacement_mm=3.5 if n % 30 else 4.5) for n in range(100)]
-    assert trips_after(strayed, limits, setpoint_mm=5.0) == (42, Fault.TRACKING_LOST)
-    assert trips_after(back, limits, setpoint_mm=5.0) is None
-    assert trips_after(strayed, limits) is None
+    assert trips_after(strayed, tracking, setpoint_mm=5.0) == (42, Fault.TRACKING_LOST)
+    assert trips_after(back, tracking, setpoint_mm=5.0) is None
+    assert trips_after(strayed, tracking) is None
 
 
 @pytest.mark.parametrize("missing", [1, 2])

@@ -13,11 +13,11 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
-from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import FROZEN_C, IDENTIFIED, NOMINAL, TemperatureBand
 from smadrive.wire.data_sheet import load_data_sheet
 from smadrive.wire.heat_balance import BalanceSource
+from tests.unit.safety.limits import LIMITS
 
 NOMINAL_BALANCE = load_data_sheet("flexinol-lt-0.15mm").heat_balance()
 TICK_S = 0.05
@@ -57,7 +57,8 @@ class Wire:
 
 def supervised(balance, uncertainty=NOMINAL, maximum_c=135.0, displacement_band=None, heated=None):
     lag_s = 3 * balance.thermocouple_lag_s
-    return Supervisor(SafetyLimits(maximum_c), TemperatureBand(balance, uncertainty, lag_s, heated), displacement_band)
+    limits = replace(LIMITS, temperature_max_c=maximum_c)
+    return Supervisor(limits, TemperatureBand(balance, uncertainty, lag_s, heated), displacement_band)
 
 
 def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c, sees=False, begin=0):

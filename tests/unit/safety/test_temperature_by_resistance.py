@@ -1,5 +1,6 @@
 """The check of the thermocouple by the resistance, for a wire without a displacement sensor."""
 
+from dataclasses import replace
 from math import exp, nan
 
 import pytest
@@ -8,13 +9,13 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
-from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import IDENTIFIED, UNBOUNDED, TemperatureBand
 from smadrive.safety.temperature_by_resistance import TemperatureByResistance, always
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
+from tests.unit.safety import limits
 
 MODEL = DuhemModel.gaussian(
     mu_heating=90.0, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0.0, 200.0)
@@ -25,7 +26,7 @@ RESISTANCE = WireResistance(22.0, 17.0, 0.008, 0.04, 0.004, 0.001, 0.01, (20.0, 
 WIRE = WireModel(MODEL, BALANCE, RESISTANCE)
 MOST_C = 135.0
 HOTTEST_C = 150.0
-LIMITS = SafetyLimits(temperature_max_c=MOST_C, stale_after_s=0.3, current_tolerance_a=0.05, contradicts_for_s=2.0)
+LIMITS = replace(limits.LIMITS, temperature_max_c=MOST_C, contradicts_for_s=2.0)
 
 
 def by_resistance(is_used=always, current_max_a=0.5):
