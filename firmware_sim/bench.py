@@ -23,7 +23,7 @@ from random import SystemRandom
 from firmware_sim.board.emulator.firmware import EmulatedFirmware
 from firmware_sim.board.native_board import NativeBoard
 from firmware_sim.bus.random_faults import RandomBusFaults
-from firmware_sim.config import SimConfig
+from firmware_sim.config import Implementation, SimConfig
 from firmware_sim.devices.board.firmware import BoardFirmware
 from firmware_sim.devices.device import SimulatedDevice
 from firmware_sim.devices.firmware import DeviceParts, RegisterFirmware
@@ -64,8 +64,7 @@ class SimulatedBench:
 
         Without `unit_id` the device has the unit id in the profile. ConfigError for a second device that heats.
         """
-        heats = profile.profile.role in ("heater", "supply")
-        if heats and self._heating is not None:
+        if profile.profile.heats and self._heating is not None:
             raise ConfigError(
                 f"'{profile.profile.id}' and '{self._heating.profile.profile.id}' would both heat the simulated wire",
                 where=f"device '{name}'" if name else "",
@@ -73,7 +72,7 @@ class SimulatedBench:
             )
         device = SimulatedDevice(self, profile, unit_id, name, seed=self.seed + len(self.devices))
         self.devices.append(device)
-        if heats:
+        if profile.profile.heats:
             self._heating = device
         return device
 
@@ -84,7 +83,7 @@ class SimulatedBench:
             tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.loop_ohm, log_event)
             return DeviceParts(tclab, tclab)
         serial_number = _random_serial_number() if board.serial_number is None else board.serial_number
-        if profile.profile.role == "heater" and board.implementation != "python":
+        if profile.profile.role == "heater" and board.implementation != Implementation.PYTHON:
             return self._board_in_c(profile, serial_number, log_event)
         firmware = self._register_firmware(profile, log_event)
         bank = RegisterBank(profile)
@@ -118,7 +117,7 @@ class SimulatedBench:
                 where=f"profile '{profile.profile.id}'",
                 cure="use the profile sma-reference, or the implementation python",
             )
-        if self.config.board.implementation == "atmega328p":
+        if self.config.board.implementation == Implementation.ATMEGA328P:
             emulated = EmulatedFirmware(self.config, self.sensors, log_event, serial_number, self.seed)
             return DeviceParts(emulated, emulated, emulated.line)
         native = NativeBoard(

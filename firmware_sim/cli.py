@@ -13,7 +13,7 @@ from typing import Annotated, TextIO
 import typer
 
 from firmware_sim.bench import SimulatedBench
-from firmware_sim.config import SimConfig, load_sim
+from firmware_sim.config import Implementation, SimConfig, load_sim
 from firmware_sim.devices.device import SimulatedDevice
 from firmware_sim.devices.replay import Replay
 from firmware_sim.fault_script import load_script
@@ -35,14 +35,6 @@ class Time(StrEnum):
     REAL = "real"
     LOCKSTEP = "lockstep"
     DRIVEN = "driven"  # the name of lockstep in version 0.1
-
-
-class BoardKind(StrEnum):
-    """The implementation of the board's firmware."""
-
-    PYTHON = "python"
-    NATIVE = "native"
-    ATMEGA328P = "atmega328p"
 
 
 @main.command()
@@ -86,7 +78,7 @@ def serve(
         ),
     ] = Time.REAL,
     board: Annotated[
-        BoardKind | None,
+        Implementation | None,
         typer.Option(
             help="Firmware of the board: python, native (the C core), or atmega328p (the program of an emulated "
             "microcontroller). Without this option the SIM.toml decides."
@@ -121,10 +113,10 @@ def serve(
         raise typer.Exit(error.exit_code) from None
 
 
-def _with_board(config: SimConfig, board: BoardKind | None) -> SimConfig:
+def _with_board(config: SimConfig, board: Implementation | None) -> SimConfig:
     if board is None:
         return config
-    return config.model_copy(update={"board": config.board.model_copy(update={"implementation": board.value})})
+    return config.model_copy(update={"board": config.board.model_copy(update={"implementation": board})})
 
 
 def _check_alone(other: object) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
@@ -18,7 +19,15 @@ A Preisach plane has cells of 0.25 K, so the number of its cells grows with the 
 """
 
 
-Implementation = Literal["python", "native", "atmega328p"]
+HysteresisKind = Literal["duhem", "two-component", "preisach"]
+
+
+class Implementation(StrEnum):
+    """The firmware of an `sma-reference` board."""
+
+    PYTHON = "python"
+    NATIVE = "native"
+    ATMEGA328P = "atmega328p"
 
 
 class Wire(Section):
@@ -89,7 +98,7 @@ class Transformation(Branches):
     a larger correlation, the widths of the grains' hysteresis differ less.
     """
 
-    kind: Literal["duhem", "two-component", "preisach"] = "duhem"
+    kind: HysteresisKind = "duhem"
     range_c: tuple[float, float]
     second: Component | None = None
     correlation: float | None = Field(default=None, gt=-1, lt=1)
@@ -165,7 +174,7 @@ class Board(Section):
     temperature_max_c: float
     supply_limit_a: float = Field(gt=0)
     serial_number: int | None = Field(default=None, ge=0, le=0xFFFFFFFF)
-    implementation: Implementation = "python"
+    implementation: Implementation = Implementation.PYTHON
 
 
 class DeviceEntry(Section):

@@ -168,9 +168,8 @@ class ExceptionReply(DeviceError):
         *,
         where: object = "",
         value: object = None,
-        cure: str = "",
     ) -> None:
-        super().__init__(what, where=where, value=value, cure=cure)
+        super().__init__(what, where=where, value=value)
         self.code, self.is_transient = code, is_transient
 
 

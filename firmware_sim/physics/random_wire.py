@@ -15,13 +15,12 @@ new branches are drawn.
 from __future__ import annotations
 
 from random import Random
-from typing import Any, Literal
+from typing import Any
 
-from firmware_sim.config import Resistance, RPhase, SimConfig, Transformation
+from firmware_sim.config import HysteresisKind, Resistance, RPhase, SimConfig, Transformation
 from firmware_sim.physics.transformation import Duhem
 from smadrive.errors import ModelError
 
-HysteresisKind = Literal["duhem", "two-component", "preisach"]
 KINDS: tuple[HysteresisKind, ...] = ("duhem", "two-component", "preisach")
 SHARES = (3, 1, 1)
 R_PHASE_ONE_IN = 4

@@ -45,11 +45,6 @@ class Certificate:
         return self.contraction_rate > 0
 
     @property
-    def monotone(self) -> bool:
-        """True if the inverse is unique for every state between the major branches."""
-        return self.invertible_share > 1 - ROUNDING
-
-    @property
     def holds(self) -> bool:
         """True if the model may drive a feedforward: contracting, bounded, and `turned_share` at most `MOST_TURNED`."""
         return not self.shortcomings

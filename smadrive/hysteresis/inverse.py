@@ -1,9 +1,10 @@
 """Inverse feedforward: the input that brings the wire to an output setpoint.
 
 The output setpoint corresponds to a state w1. The wire has the state w0 at the input v0. So the direction of the input
-is sign(w1 - w0). If the certificate is monotone, w(v) is monotone in this direction, and w(v1) = w1 has at most one
-solution v1. `HysteresisModel.reach` finds this input. An unreachable setpoint is not an error: the result is the end of
-the range, with `reachable` False. In real time w0 must be the estimated state of the wire, not that of the setpoint.
+is sign(w1 - w0). If the `invertible_share` of the certificate is 1, w(v) is monotone in this direction, and w(v1) = w1
+has at most one solution v1. `HysteresisModel.reach` finds this input. An unreachable setpoint is not an error: the
+result is the end of the range, with `reachable` False. In real time w0 must be the estimated state of the wire, not
+that of the setpoint.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Models from measured records: excitation; fits of heat, hysteresis, memory and resistance; quality; adaptation.
 
-May import wire, hysteresis and numerics. Controllers, devices and log files do not belong here.
+May import wire, hysteresis, numerics and files. Controllers, devices and log files do not belong here.
 """
 
 from smadrive.identification.duhem import identify_duhem

@@ -19,8 +19,6 @@ from smadrive.rig.config import DeviceConfig
 SIMULATED = "sim://"
 """The scheme of simulated devices. They end with this process: they need no guardian, and their trips are not kept."""
 
-HEATING_ROLES = ("heater", "supply")
-
 
 def profile_text(name: str) -> str:
     """Return the content of a profile as JSON. `name` is a path or the name of a shipped profile.
@@ -51,7 +49,7 @@ class PlannedDevice:
     @property
     def heats(self) -> bool:
         """True if the device drives current through the wire."""
-        return self.profile.profile.role in HEATING_ROLES
+        return self.profile.profile.heats
 
     @property
     def is_simulated(self) -> bool:

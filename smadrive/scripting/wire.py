@@ -67,6 +67,7 @@ class Wire(IdentifiedWire):
     def health(self) -> WireHealth | None:
         """The drift of the wire since its identification, from the health record beside its model file.
 
+        The drift counts as large or small for a rig with the default `[feedback]`.
         None for a wire that was not loaded from a file, and for a file without a health record.
         """
         wire_file = wire_file_of(self)

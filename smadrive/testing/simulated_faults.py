@@ -43,5 +43,4 @@ def simulated_faults(sim: str, seed: int) -> SimulatedFaults:
 
 def rig_on(faults: SimulatedFaults, config: RigConfig) -> Rig:
     """Return the rig of `config`, connected to the simulated devices of `faults`. Its `url` keys have no effect."""
-    connections = SimulatedConnections(faults.bench)
-    return Rig(config, transports={device.name: connections.transport(device) for device in config.devices})
+    return Rig(config, transports=SimulatedConnections(faults.bench).transports(config.devices))

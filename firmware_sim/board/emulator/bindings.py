@@ -67,7 +67,6 @@ _SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "unsent": (c_size_t, (c_void_p,)),
     "receive": (c_size_t, (c_void_p, POINTER(SentByte), c_size_t)),
     "sink_a": (c_double, (c_void_p,)),
-    "read_eeprom": (None, (c_void_p, c_uint16, c_char_p, c_uint16)),
     "write_eeprom": (None, (c_void_p, c_uint16, c_char_p, c_uint16)),
 }
 

@@ -16,7 +16,6 @@ from smadrive.errors import DeviceError
 
 HZ = 16_000_000
 RAM_FIRST, RAM_SIZE = 0x100, 2048
-EEPROM_SIZE = 1024
 _GPIOR0 = 0x3E
 _MOST_BYTES = 4096
 
@@ -120,12 +119,6 @@ class Microcontroller:
         """Return the bytes that the board has sent since the last call."""
         count = self._library.emulator_receive(self._emulator, self._bytes, _MOST_BYTES)
         return [Sent(one.cycle, one.value) for one in self._bytes[:count]]
-
-    def read_eeprom(self) -> bytes:
-        """Return the content of the EEPROM."""
-        content = ctypes.create_string_buffer(EEPROM_SIZE)
-        self._library.emulator_read_eeprom(self._emulator, 0, content, EEPROM_SIZE)
-        return content.raw
 
     def write_eeprom(self, content: bytes) -> None:
         """Replace the first bytes of the EEPROM."""

@@ -11,9 +11,10 @@ from smadrive.campaigns.experiments.columns import Row, Value
 from smadrive.campaigns.experiments.simulated_rig import EXCITATION, SimulatedRig, simulated_wire, wire_row
 from smadrive.campaigns.plan.plan import PlannedRun
 from smadrive.control.loop import Tick
-from smadrive.identification.excitation import ExcitationRecord, check_may_excite
+from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.wire import AnyFit, identify_wire
 from smadrive.numerics.arrays import FloatArray
+from smadrive.runs.experiments import plan_excitation
 from smadrive.runs.record_fit import fit_file
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
@@ -38,10 +39,7 @@ def excited_wire(run: PlannedRun) -> WireKnowledge:
     run = run._replace(documents=run.documents.for_excitation())
     simulated, ticks = SimulatedRig(run, simulated_wire(run), EXCITATION), list[Tick]()
     with simulated.rig as rig:
-        measured = rig.measure()
-        excitation = rig.excitation(measured.temperature_c)
-        check_may_excite(excitation, rig.nominal_balance, rig.config.limits.current_max_a, measured)
-        rig.excite(excitation, ticks.append)
+        rig.excite(plan_excitation(rig), ticks.append)
     record = _record(ticks)
     fit = identify_wire(record, rig.nominal_balance, run.settings.fit.settings())
     row = _fit_row(fit.hysteresis, fit.thermal.balance, float(record.time_s[-1]))

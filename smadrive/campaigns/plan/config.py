@@ -21,6 +21,7 @@ from typing import Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
+from firmware_sim.config import HysteresisKind
 from smadrive.errors import ConfigError
 from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import CAMPAIGN
@@ -53,7 +54,7 @@ class WireSettings(Section):
     length_m: float = Field(default=0.3, ge=0.002, le=100)
     alloy: Literal["LT", "HT"] = "LT"
     seed: int | None = Field(default=None, ge=0)
-    kind: Literal["duhem", "two-component", "preisach"] | None = None
+    kind: HysteresisKind | None = None
 
 
 class FitConfig(Section):

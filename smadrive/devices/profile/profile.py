@@ -91,7 +91,7 @@ class Profile(Section):
         refuse_ambiguity(self.variants)
         for registers in (self.registers, *(applied(self.registers, variant) for variant in self.variants)):
             self._check_registers(registers)
-        if self.profile.role in ("heater", "supply"):
+        if self.profile.heats:
             validation.check_ends_heat(self.profile.role, self.safe_state, self.roles, self.registers)
         for golden in self.golden_frames:
             check_golden_frame(golden, self.registers)

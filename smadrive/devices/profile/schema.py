@@ -23,6 +23,11 @@ class Head(Section):
     vendor: str
     evidence: Evidence = ""
 
+    @property
+    def heats(self) -> bool:
+        """True if the device drives current through the wire."""
+        return self.role in ("heater", "supply")
+
 
 class Serial(Section):
     """Factory settings of the line. A URL may replace baud rate, parity and stop bits, a rig file the unit id."""

@@ -117,7 +117,7 @@ class SetRule(PageRequest):
     """
 
     act: Literal["rule"]
-    index: int = Field(ge=0, le=200)
+    index: int = Field(ge=0)
     direction: Literal[1, -1]
     a: float
     b: float

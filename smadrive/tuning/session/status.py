@@ -128,7 +128,6 @@ class Status:
     def _tuning(self, tuning: Tuning) -> dict[str, Any]:
         """Return the description of the tuning in force. It is computed once for each tuning."""
         if self._described is None or self._described[0] is not tuning:
-            certificate = tuning.model.certificate()
             document = {
                 "wire": self._wire.identified(tuning.model).text(),
                 "shape": tuning.shape._asdict(),
@@ -137,8 +136,7 @@ class Status:
                 "change": tuning.change,
                 "caveats": list(tuning.caveats),
                 "travel_mm": travel_mm(tuning.model),
-                "contraction_rate": certificate.contraction_rate,
-                "invertible_percent": 100.0 * certificate.invertible_share,
+                "invertible_percent": 100.0 * tuning.model.certificate().invertible_share,
             }
             self._described = tuning, document
         return self._described[1]

@@ -181,11 +181,6 @@ double emulator_sink_a(const struct emulator *emulator) {
     return off ? 0.0 : emulator->world.full_scale_a * (emulator->dac.code & 0xFFF) / 4096.0;
 }
 
-void emulator_read_eeprom(struct emulator *emulator, uint16_t address, uint8_t *bytes, uint16_t count) {
-    avr_eeprom_desc_t part = {.ee = bytes, .offset = address, .size = count};
-    avr_ioctl(emulator->avr, AVR_IOCTL_EEPROM_GET, &part);
-}
-
 void emulator_write_eeprom(struct emulator *emulator, uint16_t address, uint8_t *bytes, uint16_t count) {
     avr_eeprom_desc_t part = {.ee = bytes, .offset = address, .size = count};
     avr_ioctl(emulator->avr, AVR_IOCTL_EEPROM_SET, &part);

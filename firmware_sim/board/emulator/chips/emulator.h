@@ -95,8 +95,7 @@ size_t emulator_receive(struct emulator *emulator, struct emulator_byte *bytes, 
 /* The set current of the sink: 0 while the enable line is low. */
 double emulator_sink_a(const struct emulator *emulator);
 
-/* Reads or writes bytes of the EEPROM. */
-void emulator_read_eeprom(struct emulator *emulator, uint16_t address, uint8_t *bytes, uint16_t count);
+/* Writes bytes of the EEPROM. */
 void emulator_write_eeprom(struct emulator *emulator, uint16_t address, uint8_t *bytes, uint16_t count);
 
 #endif

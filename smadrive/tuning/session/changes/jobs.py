@@ -94,13 +94,13 @@ class ChangeJob(Job):
 
 @dataclass(frozen=True)
 class RecallJob(Job):
-    """Put the tuning that is stored in slot A or B in force."""
+    """Put a tuning in force, for example that of slot A or B."""
 
     _: KW_ONLY
     tuning: Tuning
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """Return the tuning of the slot, and the reference that the loop tracks (None without a loop)."""
+        """Return the tuning, and the reference that the loop tracks (None without a loop)."""
         return BuildTarget(self.tuning, None, _running(live))
 
 
@@ -154,16 +154,11 @@ class FollowJob(Job):
 
 
 @dataclass(frozen=True)
-class TurnJob(Job):
+class TurnJob(RecallJob):
     """Build the controller of the tuning that drives next in a comparison. Call `ready` with the result."""
 
     _: KW_ONLY
-    tuning: Tuning
     ready: Callable[[Built], None]
-
-    def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """Return the tuning that drives next in the comparison, and the reference that the loop tracks."""
-        return BuildTarget(self.tuning, None, _running(live))
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
         """Call `ready` with the built tuning and controller. The comparison puts them in force later."""
