@@ -57,7 +57,7 @@ class LimitsConfig(Section):
     displacement_min_mm: float | None = None
     displacement_max_mm: float | None = None
     tracking_max_mm: float | None = Field(default=None, gt=0)
-    tracking_for_s: float = Field(default=2.0, gt=0)
+    tracking_for_s: float = Field(default=2.0, gt=0, le=60)
 
 
 class ExcitationConfig(Section):

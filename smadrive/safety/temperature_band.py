@@ -1,18 +1,19 @@
 """The range of temperatures that the heat input allows: a check that does not rely on the thermocouple.
 
-Two heat balances bracket the true heat balance. The coldest possible wire warms slowly (its heat capacity is multiplied
-by the uncertainty, and contains the latent heat spread over `TRANSFORMATION_C`), loses much heat, and cools fast. The
-hottest possible wire does the opposite:
+Possible wires bracket the true wire. The coldest possible wires lose much heat, and one of them is the coldest at each
+time: that with the greatest heat capacity after a rise, that with the smallest after a fall. The hottest possible wire
+warms fast, loses little heat, and cools slowly:
 
-    coldest: C = u_c (m c + Q / span) while it warms, m c / u_c while it cools;  h A · u_h;  colder surroundings
+    coldest: C = u_c m c, m c and m c / u_c, and the latent heat u_q Q at u_c Q / span;  h A · u_h;  colder surroundings
     hottest: C = m c / u_c while it warms, u_c (m c + Q / span) while it cools;  h A / u_h;  warmer surroundings
 
 C is the heat capacity that each balance uses. m c, Q and h A are the heat capacity, the latent heat and the heat loss
-of the nominal heat balance, u_c and u_h the uncertainties of capacity and loss, and span is `TRANSFORMATION_C`. The
-reading must lie between the two temperatures, ± `MARGIN_C`; the lag of the thermocouple is applied to each of them only
-where this widens the band. A displacement or resistance that needs a warmer wire raises the temperature of the coldest
-wire; a wire of the phase ξ takes up only the share 1 - ξ of Q. The reading leaves the band if the bead falls off, if
-the thermocouple is reversed, or if the wire receives heat that is not measured.
+of the nominal heat balance, u_c, u_q and u_h the uncertainties, and span is `TRANSFORMATION_C`. bounding_wire.py tells
+how often a wire takes up its latent heat. The reading must lie between the two temperatures, ± `MARGIN_C`; the lag of
+the thermocouple is applied to each of them only where this widens the band. A displacement or resistance that needs a
+warmer wire raises the temperature of the coldest wires; a wire of the phase ξ takes up only the share 1 - ξ of Q. The
+reading leaves the band if the bead falls off, if the thermocouple is reversed, or if the wire receives heat that is not
+measured.
 
 A frozen reading, which does not change even in its last digit, is detected sooner, from the power since its last
 change:
@@ -28,8 +29,8 @@ A reading that changes may still rise too little. The least rise R of the wire b
 
     dR/dt = (P - P̄)/C - R/τ,     C of the coldest wire that warms, P̄ the mean power, with the time constant τ
 
-It is compared with the rise of the reading above its own mean. The short time τ, `UNFOLLOWED_S`, leaves out a power
-that only makes up for a draft.
+At first P̄ is the power that holds the reading. R is compared with the rise of the reading above its own mean. The
+short time τ, `UNFOLLOWED_S`, leaves out a power that only makes up for a draft.
 
 A run that begins soon after another one goes on with its band. Once the thermocouple has settled, the band begins at
 the reading, but no colder than the coldest wire of the last run has become: a bead without contact reads the same cold
@@ -42,7 +43,7 @@ from dataclasses import dataclass
 from math import exp, inf, isfinite
 from typing import NamedTuple
 
-from smadrive.safety.bounding_wire import BoundingWire, Shown, SimpleWire
+from smadrive.safety.bounding_wire import BoundingWire, ColdestWire, Shown, SimpleWire
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 
 TRANSFORMATION_C = 20.0
@@ -63,10 +64,14 @@ FROZEN_C = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """Largest factors, up or down, between the true capacity and loss of a wire and the values in its heat balance."""
+    """Largest factors between the true values of a wire and those in its heat balance.
+
+    They are those of the heat capacity and of the latent heat per K, of the heat loss, and of the whole latent heat.
+    """
 
     capacity: float
     loss: float
+    latent: float = 1.5
 
 
 NOMINAL = Uncertainty(capacity=3.0, loss=1.6)
@@ -106,10 +111,10 @@ class Band(NamedTuple):
 
 
 class Heated(NamedTuple):
-    """The coldest and the hottest possible wire at the time `time_s`, in s."""
+    """The coldest possible wires and the hottest possible wire at the time `time_s`, in s."""
 
     time_s: float
-    coldest: Shown
+    coldest: tuple[Shown, ...]
     hottest: Shown
 
 
@@ -123,13 +128,17 @@ class TemperatureBand:
     def __init__(
         self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float, last: Heated | None = None
     ) -> None:
-        self._capacity_j_per_k = uncertainty.capacity * balance.heat_capacity_j_per_k
-        self._latent_j_per_k = uncertainty.capacity * balance.latent_heat_j / TRANSFORMATION_C
-        slow = self._capacity_j_per_k + self._latent_j_per_k
-        quick = balance.heat_capacity_j_per_k / uncertainty.capacity
-        most_w_per_k, least_w_per_k = balance.loss_w_per_k * uncertainty.loss, balance.loss_w_per_k / uncertainty.loss
+        nominal, factor = balance.heat_capacity_j_per_k, uncertainty.capacity
+        self._capacity_j_per_k = factor * nominal
+        self._latent_j_per_k = factor * balance.latent_heat_j / TRANSFORMATION_C
+        slow, quick = self._capacity_j_per_k + self._latent_j_per_k, nominal / factor
+        self._most_w_per_k = most_w_per_k = balance.loss_w_per_k * uncertainty.loss
+        least_w_per_k = balance.loss_w_per_k / uncertainty.loss
         self._ambient_c = balance.ambient_c
-        self._coldest = BoundingWire(most_w_per_k, min, warming_j_per_k=slow, cooling_j_per_k=quick)
+        self._coldest = tuple(
+            ColdestWire(most_w_per_k, capacity, uncertainty.latent * balance.latent_heat_j, self._latent_j_per_k)
+            for capacity in (factor * nominal, nominal, quick)
+        )
         self._hottest = BoundingWire(least_w_per_k, max, warming_j_per_k=quick, cooling_j_per_k=slow)
         self._unseen = tuple(SimpleWire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=slow) for _ in range(2))
         self._time_constant_s = balance.time_constant_s
@@ -143,7 +152,7 @@ class TemperatureBand:
         """The possible wires now. Before the start of the run: at the end of the last run, None without one."""
         if self._time_s is None:
             return self._last
-        return Heated(self._time_s, self._coldest.shown, self._hottest.shown)
+        return Heated(self._time_s, tuple(wire.shown for wire in self._coldest), self._hottest.shown)
 
     def start(self, reading_c: float, time_s: float) -> float:
         """Start with a wire at rest at `reading_c`. Return the least possible reading, °C.
@@ -154,24 +163,28 @@ class TemperatureBand:
         self._time_s = time_s
         if self._last is not None:
             self._resume(self._last, reading_c, time_s - self._last.time_s)
-        return self._coldest.reading_c - MARGIN_C
+        return min(wire.reading_c for wire in self._coldest) - MARGIN_C
 
     def _resume(self, last: Heated, reading_c: float, dt_s: float) -> None:
         """Go on with the wires of the last run, which have cooled for `dt_s`."""
         is_settled = dt_s > SETTLED_LAGS * self._lag_s
-        self._coldest.resume(last.coldest)
+        for wire, shown in zip(self._coldest, last.coldest, strict=True):
+            wire.resume(shown)
         if not is_settled:
             self._hottest.resume(last.hottest)
         self._step(0.0, dt_s)
         if is_settled:
-            left = self._coldest.shown
-            self._coldest.resume(Shown(max(left.wire_c, reading_c), max(left.reading_c, reading_c)))
+            for wire in self._coldest:
+                left = wire.shown
+                wire.resume(Shown(max(left.wire_c, reading_c), max(left.reading_c, reading_c), left.latent_j))
 
     def _begin(self, reading_c: float) -> None:
-        self._coldest.start(reading_c, min(self._ambient_c, reading_c) - SURROUNDINGS_C)
+        for wire in self._coldest:
+            wire.start(reading_c, min(self._ambient_c, reading_c) - SURROUNDINGS_C)
         self._hottest.start(reading_c, max(self._ambient_c, reading_c) + SURROUNDINGS_C)
         self._phase = 0.0
-        self._mean_c, self._mean_w, self._rise_k, self._shown_k = reading_c, 0.0, 0.0, 0.0
+        self._mean_c, self._mean_w = reading_c, self._most_w_per_k * max(reading_c - self._ambient_c, 0.0)
+        self._rise_k, self._shown_k = 0.0, 0.0
         self._lost_w = 0.0
         self._changed(reading_c, 0.0)
 
@@ -179,11 +192,14 @@ class TemperatureBand:
         """Return the band at `time_s`, after heating with `power_w`. The thermocouple now reads `reading_c`."""
         dt_s = 0.0 if self._time_s is None else time_s - self._time_s
         self._time_s = time_s
-        is_cooling = power_w < self._coldest.holding_w()
+        is_cooling = any(power_w < wire.holding_w() for wire in self._coldest)
         self._phase = at_least.phase if is_cooling else max(at_least.phase, self._phase)
-        self._coldest.warming_j_per_k = self._capacity_j_per_k + (1.0 - self._phase) * self._latent_j_per_k
+        for wire in self._coldest:
+            wire.untransformed = 1.0 - self._phase
         followed = self._step(power_w, dt_s, at_least.temperature_c)
-        (coldest_c, low_c), (hottest_c, high_c) = self._coldest.shown, self._hottest.shown
+        coldest_c = min(wire.temperature_c for wire in self._coldest)
+        low_c = min(wire.reading_c for wire in self._coldest)
+        hottest_c, high_c, _ = self._hottest.shown
         unseen_c = self._unseen_c(reading_c, power_w, dt_s)
         unfollowed_c = self._unfollowed_c(reading_c, power_w, followed, dt_s)
         return Band(low_c - MARGIN_C, high_c + MARGIN_C, coldest_c, hottest_c, unseen_c, unfollowed_c)
@@ -191,9 +207,11 @@ class TemperatureBand:
     def _step(self, power_w: float, dt_s: float, at_least_c: float = -inf) -> float:
         """Heat the possible wires. Return the part of a change that the thermocouple shows after `dt_s`."""
         followed = 1.0 - exp(-dt_s / self._lag_s) if self._lag_s > 0 else 1.0
-        for wire, least_c in ((self._coldest, at_least_c), (self._hottest, -inf)):
-            wire.temperature_c = max(wire.step(power_w, dt_s), least_c)
+        for wire in self._coldest:
+            wire.temperature_c = max(wire.step(power_w, dt_s), at_least_c)
             wire.show(followed)
+        self._hottest.step(power_w, dt_s)
+        self._hottest.show(followed)
         return followed
 
     def _unfollowed_c(self, reading_c: float, power_w: float, followed: float, dt_s: float) -> float:
@@ -202,7 +220,8 @@ class TemperatureBand:
         `followed` is the part of a change that the thermocouple shows after `dt_s`.
         """
         keep = exp(-dt_s / UNFOLLOWED_S)
-        settled_k = (power_w - self._mean_w) * UNFOLLOWED_S / self._coldest.warming_j_per_k
+        slow = self._capacity_j_per_k + (1.0 - self._phase) * self._latent_j_per_k
+        settled_k = (power_w - self._mean_w) * UNFOLLOWED_S / slow
         self._rise_k = settled_k + (self._rise_k - settled_k) * keep
         self._mean_w = power_w + (self._mean_w - power_w) * keep
         self._shown_k = min(self._shown_k + followed * (self._rise_k - self._shown_k), self._rise_k)

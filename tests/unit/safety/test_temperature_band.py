@@ -88,9 +88,10 @@ def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c, sees=F
     powers=st.lists(st.one_of(HOLDING, BURST), min_size=3, max_size=12),
     sees=st.booleans(),
     pause=st.integers(0, 60),
+    uncertainty=st.sampled_from([NOMINAL, IDENTIFIED]),
 )
 def test_healthy_wire_of_any_allowed_parameters_does_not_trip(
-    capacity, loss, latent, sigma, lag_s, ambient_c, powers, sees, pause
+    capacity, loss, latent, sigma, lag_s, ambient_c, powers, sees, pause, uncertainty
 ):
     """The powers are those that hold a wire, with bursts far above. A second run begins after a pause."""
     true = replace(
@@ -102,12 +103,12 @@ def test_healthy_wire_of_any_allowed_parameters_does_not_trip(
         ambient_c=ambient_c,
     )
     steps = [power_w for power_w, ticks in powers for _ in range(ticks)]
-    supervisor = supervised(NOMINAL_BALANCE, maximum_c=600.0, displacement_band=DisplacementBand(LOOP))
+    supervisor = supervised(NOMINAL_BALANCE, uncertainty, 600.0, DisplacementBand(LOOP))
     wire = Wire(true, sigma)
     assert run(supervisor, wire, steps, sees=sees) is None
     for _ in range(pause):
         wire.heat(0.0)
-    again = supervised(NOMINAL_BALANCE, NOMINAL, 600.0, DisplacementBand(LOOP), supervisor.heated)
+    again = supervised(NOMINAL_BALANCE, uncertainty, 600.0, DisplacementBand(LOOP), supervisor.heated)
     assert run(again, wire, steps, sees=sees, begin=len(steps) + pause) is None
 
 
@@ -135,6 +136,37 @@ def test_short_runs_heat_a_wire_with_a_loose_bead_no_further_than_one_run(pause)
         heated = supervisor.heated
     assert trip is not None
     assert max(hottest_c) - 22.0 < 1.2 * (alone.temperature_c - 22.0)
+
+
+@pytest.mark.parametrize(("on", "off"), [(5, 5), (10, 10), (10, 20)])
+def test_pulses_trip_as_a_constant_power_does_with_a_loose_bead(on, off):
+    """A wire warms up and cools down with one heat capacity, so it does not lose in a pause what a pulse gave."""
+
+    def read(n, _reading_c):
+        return 22.0 + 0.01 * (n % 2)
+
+    alone, pulsed = Wire(NOMINAL_BALANCE), Wire(NOMINAL_BALANCE)
+    assert run(supervised(NOMINAL_BALANCE), alone, [6.0] * 100, read).fault is Fault.READS_TOO_COLD
+    powers_w = ([6.0] * on + [0.0] * off) * 20
+    assert run(supervised(NOMINAL_BALANCE), pulsed, powers_w, read).fault is Fault.READS_TOO_COLD
+    assert pulsed.temperature_c < alone.temperature_c + 60.0
+
+
+def test_hot_wire_is_heated_again_at_once():
+    """The power that holds the wire is no rise that the reading would have to follow."""
+    balance = replace(
+        NOMINAL_BALANCE,
+        heat_capacity_j_per_k=0.75 * NOMINAL_BALANCE.heat_capacity_j_per_k,
+        loss_w_per_k=1.3125 * NOMINAL_BALANCE.loss_w_per_k,
+        latent_heat_j=0.75 * NOMINAL_BALANCE.latent_heat_j,
+        thermocouple_lag_s=0.0,
+        ambient_c=15.0,
+    )
+    wire, heated, powers_w = Wire(balance, 2.0), None, [3.0] * 5 + [1.25] * 12 + [6.0] * 6
+    for begin in (0, len(powers_w)):
+        supervisor = supervised(NOMINAL_BALANCE, NOMINAL, 600.0, DisplacementBand(LOOP), heated)
+        assert run(supervisor, wire, powers_w, sees=True, begin=begin) is None
+        heated = supervisor.heated
 
 
 def test_wire_is_armed_again_when_the_heat_of_its_last_run_is_gone():
