@@ -146,7 +146,11 @@ class OpenRig(RigConnection):
         self._call(CoolDownRequest(cooling_time_s(duration_s)))
 
     def off(self) -> None:
-        """Switch the heater off and confirm it by read-back; raises an error if the heater is not confirmed off."""
+        """Switch the heater off and confirm it by read-back; raises an error if the heater is not confirmed off.
+
+        A run that another thread has started ends: that thread gets a SafetyError.
+        """
+        self._client.stop_request()
         self._call(SwitchOffRequest())
 
     def latched_trip(self) -> str | None:

@@ -20,8 +20,7 @@ from rich.text import Text
 
 from smadrive.display.card import FONT
 from smadrive.display.number_text import quantity
-from smadrive.scripting.loop.loop_client import Show, show_nothing
-from smadrive.scripting.loop.messages import RunProgress
+from smadrive.scripting.loop.messages import RunProgress, Show, show_nothing
 
 BAR = 30
 """Length of the bar in a terminal, in characters."""

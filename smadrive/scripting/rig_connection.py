@@ -64,7 +64,7 @@ class RigConnection:
         return self._finalizer.alive
 
     def close(self) -> None:
-        """Stop a running servo, switch the heater off, and end the loop process.
+        """End what runs, also in another thread, switch the heater off, and end the loop process.
 
         Raises an error if the heater is not confirmed off. StoppedError if `smadrive off` has stopped the loop process
         and no call has raised this error before. In a callback of the servo, MotionError: the servo stops, and the rig
@@ -77,6 +77,7 @@ class RigConnection:
             self._stop_servo()
             check_may_wait(f"rig '{self.config.name}'")
         try:
+            self._client.stop_request()
             self._stop_servo()
             if not self._client.is_end_raised:
                 self._client.call(CloseRequest())

@@ -18,11 +18,13 @@ before the request begins.
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from enum import Enum, auto
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+from smadrive.errors import SafetyError
 from smadrive.safety.shutdown import carry, shutdown_of
 from smadrive.scripting.loop.messages import Failure, Result
 
@@ -68,6 +70,11 @@ class RequestSignals:
         """Keep an error. The first one stays, but an error that is no Exception, such as SystemExit, replaces it."""
         if self.error is None or (isinstance(self.error, Exception) and not isinstance(error, Exception)):
             self.error = error
+
+    def look_at_main_thread(self) -> None:
+        """Keep an error if the main thread has ended by an error, such as KeyboardInterrupt: the run must end, too."""
+        if not threading.main_thread().is_alive() and hasattr(sys, "last_value"):
+            self.keep(SafetyError("the main thread of the script has ended", value=repr(sys.last_value)))
 
     def __enter__(self) -> Self:
         """Count and keep from now on."""

@@ -19,7 +19,7 @@ from multiprocessing import Pipe
 from typing import Any
 from weakref import WeakSet
 
-from smadrive.errors import BusyError, ConfigError, LoopProcessError, StoppedError
+from smadrive.errors import BusyError, ConfigError, LoopProcessError, SafetyError, StoppedError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
 from smadrive.posix import OwningProcess, check_posix
@@ -35,8 +35,10 @@ from smadrive.scripting.loop.messages import (
     RemoteTracebackError,
     Result,
     RunProgress,
+    Show,
     process_error,
     send_whole,
+    show_nothing,
 )
 from smadrive.scripting.loop.servo_messages import ServoCommand, ServoReport
 from smadrive.scripting.loop.transfer import pickled
@@ -54,21 +56,13 @@ OBEYS_WITHIN_S = 10.0
 
 _running: WeakSet[LoopClient] = WeakSet()
 
-Show = Callable[[RunProgress], None]
-
-
-def show_nothing(_progress: RunProgress) -> None:
-    """Show no progress."""
-
 
 class LoopClient:
     """Starts a loop process. `call` sends a request to this process, and `end` ends it.
 
     Only the process that created this object may use it. In a forked child `call` and `command` raise ConfigError, and
-    `end` and `kill` have no effect.
-
-    `is_end_raised` is True after `call` has raised the error that the process died or was stopped. `on_report` is
-    called in another thread with each report of a servo.
+    `end` and `kill` have no effect. `is_end_raised` is True after `call` has raised the error that the process died or
+    was stopped. `on_report` is called in another thread with each report of a servo.
     """
 
     def __init__(self) -> None:
@@ -78,12 +72,11 @@ class LoopClient:
         self._number = 0
         self._progress: RunProgress | None = None
         self._replies: dict[int, Result | Failure] = {}
-        self._arrived = threading.Event()
-        self._one_call, self._one_message = threading.Lock(), threading.RLock()
+        self._one_call, self._one_message, self._arrived = threading.Lock(), threading.RLock(), threading.Event()
         self._in_call = threading.local()  # a signal handler runs in the thread that it interrupts
-        self._is_lost = False
+        self._signals = RequestSignals()
+        self._is_lost = self.is_end_raised = False
         self._stop: StoppedError | None = None
-        self.is_end_raised = False
         self.on_report: Callable[[ServoReport], None] | None = None
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", MODULE, str(theirs.fileno())],
@@ -114,9 +107,8 @@ class LoopClient:
     @property
     def ending(self) -> str:
         """Text that says that the loop process has ended, and what to do; empty while the process runs."""
-        if not self._is_lost:
-            return ""
-        return f"{'loop process ended' if self._stop is None else self._stop}, open the rig again"
+        how = "loop process ended" if self._stop is None else self._stop
+        return f"{how}, open the rig again" if self._is_lost else ""
 
     def call(self, request: Any, show: Show = show_nothing) -> Any:
         """Send a request. Return its result or raise its error. `show` is called with the progress of a run.
@@ -134,6 +126,7 @@ class LoopClient:
         self._in_call.is_active = True  # before the lock: a handler that waited for it would wait for ever
         try:
             with self._one_call, RequestSignals() as signals:
+                self._signals = signals
                 reply = self._carried_out(pickled(request), signals, show)
         finally:
             self._in_call.is_active = False
@@ -144,6 +137,13 @@ class LoopClient:
             raise error
         assert isinstance(reply, Result)
         return reply.value
+
+    def stop_request(self) -> None:
+        """End the request of another thread at zero current, and wait for its end. That thread gets a SafetyError."""
+        if not getattr(self._in_call, "is_active", False):
+            while not self._one_call.acquire(timeout=LOOK_S):
+                self._signals.keep(SafetyError("another thread has called off() or close()", where="loop process"))
+            self._one_call.release()
 
     def command(self, servo_id: str, command: ServoCommand) -> None:
         """Send a command to the servo `servo_id`. A command that arrives before the ServoRequest waits for it."""
@@ -169,9 +169,8 @@ class LoopClient:
     def _carried_out(self, message: bytes, signals: RequestSignals, show: Show) -> Result | Failure:
         """Send a pickled request and return its reply. An error in this method is kept in `signals`."""
         self._number += 1
-        self._progress = None
+        self._progress, is_sent = None, False
         self._replies.clear()
-        is_sent = False
         try:
             self._send(REQUEST + self._number.to_bytes(NUMBER_BYTES) + message)
             is_sent = True
@@ -191,6 +190,7 @@ class LoopClient:
                 return reply
             if is_lost:
                 return Failure(self._death(), "")
+            signals.look_at_main_thread()
             while signals.passed_on < signals.interruptions:
                 signals.passed_on += 1
                 self._send(INTERRUPT + self._number.to_bytes(NUMBER_BYTES))

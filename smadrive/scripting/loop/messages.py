@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -163,6 +164,13 @@ class RunProgress(NamedTuple):
 
     tick: Tick
     duration_s: float
+
+
+Show = Callable[[RunProgress], None]
+
+
+def show_nothing(_progress: RunProgress) -> None:
+    """Show no progress."""
 
 
 class ScriptEndedError(SystemExit):
