@@ -40,7 +40,7 @@ from smadrive.scripting.loop.messages import (
     send_whole,
     show_nothing,
 )
-from smadrive.scripting.loop.servo_messages import ServoCommand, ServoReport
+from smadrive.scripting.loop.servo.servo_messages import ServoCommand, ServoReport
 from smadrive.scripting.loop.transfer import pickled
 
 MODULE = "smadrive.scripting.loop.loop_process"

@@ -23,7 +23,6 @@ from smadrive.runs.run_kind import RunKind
 from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.safety.shutdown import shutdown_of
 from smadrive.scripting.loop.code_origin import dumps
-from smadrive.scripting.loop.loop_servo import LoopServo
 from smadrive.scripting.loop.messages import (
     AnyScriptRequest,
     ClearFaultsRequest,
@@ -44,6 +43,7 @@ from smadrive.scripting.loop.messages import (
 )
 from smadrive.scripting.loop.own_controller import OwnController, Pace
 from smadrive.scripting.loop.script_link import ScriptLink
+from smadrive.scripting.loop.servo.loop_servo import LoopServo
 
 
 def serve(link: ScriptLink) -> None:

@@ -15,7 +15,6 @@ import select
 import signal
 import threading
 import time
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from math import inf
@@ -24,22 +23,21 @@ from types import FrameType
 from typing import Any
 
 from smadrive.control.loop import Tick, TickHandler, never
-from smadrive.errors import ControllerError, SmadriveError, StoppedError
 from smadrive.runs.run_log import TickRecorder
-from smadrive.safety.shutdown import carry, keep_outcome, shutdown_of
 from smadrive.scripting.loop.code_origin import dumps
+from smadrive.scripting.loop.failures import dumped_failure, stopped_script
 from smadrive.scripting.loop.interruptions import AT_ONCE, INTERRUPTIBLE, Phase
 from smadrive.scripting.loop.messages import (
     COMMAND,
     END,
     INTERRUPT,
     NUMBER_BYTES,
-    Failure,
     Result,
     RunProgress,
     ScriptEndedError,
 )
-from smadrive.scripting.loop.servo_messages import ServoCommand, ServoReport
+from smadrive.scripting.loop.script_process import ScriptProcess
+from smadrive.scripting.loop.servo.servo_messages import ServoCommand, ServoReport
 
 LOOK_S = 0.5
 """Interval in s of the check that the script still runs, because a child of the script may keep the socket open."""
@@ -52,7 +50,8 @@ class ScriptLink:
 
     def __init__(self, descriptor: int) -> None:
         self._connection: Connection[Any, Any] = Connection(descriptor)
-        self._script = os.getppid()
+        self._script = ScriptProcess(os.getppid())
+        self._is_script_stopped = False
         self._requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._commands: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._number, self._interrupted_number = 0, -1
@@ -92,7 +91,7 @@ class ScriptLink:
         message = self._requests.get()
         if message == END:
             raise ScriptEndedError
-        self._number = int.from_bytes(message[1 : 1 + NUMBER_BYTES])
+        self._number, self._is_script_stopped = int.from_bytes(message[1 : 1 + NUMBER_BYTES]), False
         return message[1 + NUMBER_BYTES :]
 
     @contextmanager
@@ -175,14 +174,9 @@ class ScriptLink:
 
     def fail(self, error: BaseException, *, is_own_code: bool) -> None:
         """Send the error that ended the request, with its traceback if code of the user may have raised it."""
-        is_plain = isinstance(error, KeyboardInterrupt | StoppedError) or (
-            isinstance(error, SmadriveError) and not is_own_code
-        )
-        text = "" if is_plain else "".join(traceback.format_exception(error))
-        keep_outcome(error)
-        if isinstance(error, StoppedError) and (outcome := shutdown_of(error)) is not None and outcome.confirmed:
-            error.args = (f"{error}; {outcome}",)
-        self._send(_dumped(self._number, error, text))
+        if self._is_script_stopped and isinstance(error, KeyboardInterrupt):
+            error = stopped_script(error)
+        self._send(dumped_failure(self._number, error, is_own_code=is_own_code))
 
     def _report(self, progress: RunProgress) -> None:
         """Send the progress, unless the script does not read: the loop never waits for the script."""
@@ -190,7 +184,9 @@ class ScriptLink:
             self._send(pickle.dumps((self._number, progress)))
 
     def _is_writable(self) -> bool:
-        return bool(select.select((), (self._connection,), (), 0)[1])
+        poll = select.poll()  # select() cannot handle a descriptor above 1023
+        poll.register(self._connection, select.POLLOUT)
+        return bool(poll.poll(0))
 
     def _send(self, message: bytes) -> None:
         with suppress(OSError):  # the script has gone: the listening thread ends this process
@@ -206,6 +202,9 @@ class ScriptLink:
                 self._commands.put(message[1:])
             elif message:
                 self._requests.put(message)
+            elif self._script.is_stopped(time.monotonic()):
+                self._is_script_stopped = True
+                signal.pthread_kill(self._loop_thread, signal.SIGINT)
         signal.pthread_kill(self._loop_thread, signal.SIGTERM)
         self._requests.put(END)  # the signal has no effect while the heater is being switched off after a trip
 
@@ -216,7 +215,7 @@ class ScriptLink:
                 return self._connection.recv_bytes()
         except (EOFError, OSError):
             return END
-        return b"" if os.getppid() == self._script else END
+        return END if self._script.has_ended() else b""
 
     def _interrupt(self, _number: int, _frame: FrameType | None) -> None:
         if (self._phase in INTERRUPTIBLE or self.stop_requested()) and not self._is_ending:
@@ -232,16 +231,3 @@ class ScriptLink:
         self._pending = kind
         if self._phase in AT_ONCE:
             raise kind
-
-
-def _dumped(number: int, error: BaseException, text: str) -> bytes:
-    """Return the pickled failure; an error that cannot be transferred becomes a ControllerError with its text."""
-    try:
-        message = dumps((number, Failure(error, text)))
-        pickle.loads(message)  # noqa: S301 (some errors can be pickled, but not restored)
-    except Exception:  # noqa: BLE001 (pickling runs code of the user)
-        substitute = ControllerError(f"{type(error).__qualname__}: {error}", where="own code")
-        if (outcome := shutdown_of(error)) is not None:
-            carry(substitute, outcome)
-        return pickle.dumps((number, Failure(substitute, text)))
-    return message

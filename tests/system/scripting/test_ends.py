@@ -23,6 +23,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.safety.shutdown import CONFIRMED, UNCONFIRMED
 from smadrive.scripting.loop.loop_client import LoopClient
+from smadrive.scripting.loop.script_process import STOPPED_S
 
 RIGS = Path(__file__).parents[3] / "configs" / "rigs"
 
@@ -260,6 +261,20 @@ def test_stopped_script_does_not_stop_the_loop(identified, tmp_path):
     log = read_log(tmp_path / "run.h5")
     assert_confirmed(log)
     assert log.column("time_s")[-1] > 4.0
+
+
+@pytest.mark.exhaustive
+def test_script_that_is_stopped_for_long_heats_no_longer(identified, tmp_path):
+    with on_a_port(tmp_path) as (rig_file, _), heating(rig_file, identified.wire_file, tmp_path) as (script, _):
+        script.send_signal(signal.SIGSTOP)
+        wait_for(lambda: read_log(tmp_path / "run.h5").end_time)
+        script.send_signal(signal.SIGCONT)
+        printed, _ = script.communicate()
+        assert f"SafetyError; {CONFIRMED}" in printed
+        assert "armed: False" in printed
+    log = read_log(tmp_path / "run.h5")
+    assert_confirmed(log)
+    assert log.column("time_s")[-1] > STOPPED_S
 
 
 def kill_and_measure(rig):

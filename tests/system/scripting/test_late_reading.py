@@ -10,8 +10,8 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import drive
 from smadrive.runs.run_kind import RunKind
-from smadrive.scripting.loop.loop_servo import LoopServo
-from smadrive.scripting.loop.servo_messages import FollowCommand, StopCommand
+from smadrive.scripting.loop.servo.loop_servo import LoopServo
+from smadrive.scripting.loop.servo.servo_messages import FollowCommand, StopCommand
 from smadrive.wire.identified_wire import load_wire
 
 RAMP = Reference.from_samples([0.0, 5.0], [3.0, 5.0])

@@ -9,8 +9,8 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import drive
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_kind import RunKind
-from smadrive.scripting.loop.loop_servo import LoopServo
-from smadrive.scripting.loop.servo_messages import MoveCommand, StopCommand
+from smadrive.scripting.loop.servo.loop_servo import LoopServo
+from smadrive.scripting.loop.servo.servo_messages import MoveCommand, StopCommand
 from smadrive.wire.identified_wire import load_wire
 
 TICKS = 5

@@ -33,8 +33,8 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 from smadrive.safety.arming_checks import check_thermocouple
-from smadrive.scripting.loop.motions import FollowMotion, MoveMotion, superseded
-from smadrive.scripting.loop.servo_messages import (
+from smadrive.scripting.loop.servo.motions import FollowMotion, MoveMotion, superseded
+from smadrive.scripting.loop.servo.servo_messages import (
     FollowCommand,
     MotionCommand,
     MotionEnd,
