@@ -18,7 +18,7 @@ from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import BusyError, ConfigError
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.trace import TraceFile
-from smadrive.modbus.transports.connect import is_remote, open_transport
+from smadrive.modbus.transports.connect import is_one_line, open_transport
 from smadrive.modbus.transports.transport import PortAccess, Transport
 from smadrive.rig.planned_device import SIMULATED, PlannedDevice
 from smadrive.rig.simulation import SimulatedConnections, simulate
@@ -28,9 +28,9 @@ class Connections:
     """Opens the connections; `stack` closes them. A trace file has the name of the first device on its connection.
 
     `access` is called before each use of a connection (see `PortAccess`), if it was set before that connection was
-    opened. A serial line is always locked, a line on a network only for the device that heats. A line that another
-    process has locked is used only in the role OFF. `stop` listens for an emergency stop at every line as soon as the
-    line is locked.
+    opened. A serial line is always locked, also behind a socket; a unit of a gateway only if it heats. A line that
+    another process has locked is used only in the role OFF. `stop` listens for an emergency stop at every line as soon
+    as the line is locked.
     """
 
     access: PortAccess | None = None
@@ -73,7 +73,7 @@ class Connections:
             transport.disconnect()
 
     def _lock(self, device: PlannedDevice) -> None:
-        if is_remote(device.config.url) and not device.heats:
+        if not (device.heats or is_one_line(device.config.url)):
             return
         for line in line_names(device):
             try:

@@ -29,7 +29,7 @@ from serial.tools import list_ports
 
 from smadrive.devices.identity import Identity
 from smadrive.devices.profile.profile import Profile
-from smadrive.modbus.transports.connect import port_of
+from smadrive.modbus.transports.connect import is_one_line, port_of
 from smadrive.modbus.transports.host_names import may_be_one, names_of
 from smadrive.modbus.transports.pseudo_terminal import TERMINALS
 
@@ -73,6 +73,7 @@ class DeviceKey:
     serial_number    serial number; None if it is unknown
     type_id          id of the profile that the device has proved; None if it is unknown
     port             present name of the port as a URL; it is not compared
+    is_one_line      True if all units of the port share one line; it is not compared
     """
 
     names: frozenset[str]
@@ -80,6 +81,7 @@ class DeviceKey:
     serial_number: str | None = None
     type_id: str | None = field(default=None, kw_only=True)
     port: str = field(default="", compare=False)
+    is_one_line: bool = field(default=False, compare=False)
 
     def port_match(self, other: DeviceKey) -> Match:
         """Compare the unit ids and the port names of both keys. One common name proves that the port is the same."""
@@ -120,7 +122,7 @@ class DeviceKey:
 def key_at(url: str, profile: Profile, unit_id: int | None) -> DeviceKey:
     """Return the key of a device that has not answered yet. ConfigError when the URL names no port."""
     unit = (profile.unit_id if unit_id is None else unit_id) if profile.has_registers else None
-    return DeviceKey(port_names(url), unit, port=port_of(url))
+    return DeviceKey(port_names(url), unit, port=port_of(url), is_one_line=is_one_line(url))
 
 
 def serial_number(profile: Profile, identity: Identity) -> str | None:

@@ -1,8 +1,9 @@
 """Exclusive access to a line: two clients on one line would take each other's replies for their own.
 
-A line is a serial port under its present name, or one unit behind a network address. If the host of the address has
-several names, the line is locked under each name. The lock is an flock on a file in the user's state folder. The kernel
-releases it when the process ends, also after a kill. The file names the holder.
+A line is a serial port under its present name, a serial port behind a network address (`rtu+tcp`), or one unit of a
+gateway (`tcp`). If the host of the address has several names, the line is locked under each name. The lock is an flock
+on a file in the user's state folder. The kernel releases it when the process ends, also after a kill. The file names
+the holder.
 
 A driver shares its lock with its guardian, which inherits the open file: the line stays locked until both have released
 it. After the end of its driver, a guardian holds the lock only during an attempt to switch off, so that a new driver or
@@ -97,7 +98,7 @@ def lines_of(key: DeviceKey) -> tuple[str, ...]:
     """Return the names of a device's line: the present name of a serial port, or all names of a network port."""
     if key.port.startswith("serial:"):
         return (key.port,)
-    unit = "" if key.unit_id is None else f" unit {key.unit_id}"
+    unit = "" if key.unit_id is None or key.is_one_line else f" unit {key.unit_id}"
     return tuple(f"{name}{unit}" for name in sorted(key.names))
 
 

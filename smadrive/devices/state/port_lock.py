@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from contextlib import ExitStack
+from dataclasses import replace
 
 from smadrive.devices.state.key import DeviceKey, port_names
 from smadrive.devices.state.lock import Role, check_free, lines_of, lock_line
-from smadrive.modbus.transports.connect import port_of
+from smadrive.modbus.transports.connect import is_one_line, port_of
 
 UNIT_IDS = range(256)
 
@@ -18,8 +19,8 @@ def lock_port(url: str, unit_ids: Iterable[int]) -> ExitStack:
     BusyError if another process has locked the line of any unit at this port: a frame on an RTU line reaches every
     unit, and many gateways accept only one client. ConfigError when the URL names no port.
     """
-    names, port = port_names(url), port_of(url)
-    lines = {unit_id: lines_of(DeviceKey(names, unit_id, port=port)) for unit_id in (None, *UNIT_IDS)}
+    key = DeviceKey(port_names(url), None, port=port_of(url), is_one_line=is_one_line(url))
+    lines = {unit_id: lines_of(replace(key, unit_id=unit_id)) for unit_id in (None, *UNIT_IDS)}
     with ExitStack() as stack:
         own = dict.fromkeys(line for unit_id in unit_ids for line in lines[unit_id])
         for line in own:

@@ -99,6 +99,14 @@ def latency_s_of(url: str) -> float:
     return _options(url, _split(url).query, SerialSettings(), tuple(_ALLOWED))[1]
 
 
+def is_one_line(url: str) -> bool:
+    """Return True if all units at the port share one line: a serial port, here or behind a socket (`rtu+tcp`).
+
+    A serial server sends each reply to all its clients, so two programs would take each other's replies for their own.
+    """
+    return _split(url).scheme != "tcp"
+
+
 def is_remote(url: str) -> bool:
     """Return True if the URL leads over a network.
 

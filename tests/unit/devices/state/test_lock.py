@@ -116,7 +116,7 @@ def test_guardian_keeps_the_line_that_its_driver_releases():
 
 def test_other_lines_and_other_units_of_a_network_are_free():
     profile = load_profile("riden-rd60xx")
-    urls = [f"rtu+tcp://10.0.0.5:502{query}" for query in ("", "?")]
+    urls = [f"tcp://10.0.0.5:502{query}" for query in ("", "?")]
     lines = [line for unit in (1, 2) for url in urls for line in lines_of(key_at(url, profile, unit))]
     assert len(set(lines)) == 2
     with (
@@ -127,9 +127,10 @@ def test_other_lines_and_other_units_of_a_network_are_free():
         pass
 
 
-def test_all_units_of_a_serial_port_share_its_line():
+@pytest.mark.parametrize("url", [LINE, "rtu+tcp://10.0.0.5:502"])
+def test_all_units_of_a_serial_port_share_its_line(url):
     profile = load_profile("riden-rd60xx")
-    assert {lines_of(key_at(LINE, profile, unit)) for unit in (None, 2)} == {(LINE,)}
+    assert {lines_of(key_at(url, profile, unit)) for unit in (None, 2)} == {(url.removeprefix("rtu+"),)}
 
 
 def test_unwritable_folder_does_not_prevent_access(state_home):

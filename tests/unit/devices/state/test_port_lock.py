@@ -25,24 +25,25 @@ def heated(unit_id, url=URL):
         return stack.pop_all()
 
 
-def use_board():
-    with open_board(URL):
+def use_board(url=URL):
+    with open_board(url):
         pass
 
 
-def use_scan():
-    for _ in scan(URL, [2, 3], PROFILES, lambda _line, _unit_id: None):
+def use_scan(url=URL):
+    for _ in scan(url, [2, 3], PROFILES, lambda _line, _unit_id: None):
         pass
 
 
 @pytest.mark.parametrize("unit_id", [1, 3, 7])
+@pytest.mark.parametrize(("url", "line"), [(URL, "tcp://127.0.0.1:1"), (URL.removeprefix("rtu+"), "unit {}")])
 @pytest.mark.parametrize("use", [use_board, use_scan])
-def test_network_port_with_a_driver_is_busy(use, unit_id):
-    with heated(unit_id), pytest.raises(BusyError) as error:
-        use()
-    assert error.value.where.endswith(f"unit {unit_id}")
+def test_network_port_with_a_driver_is_busy(use, unit_id, url, line):
+    with heated(unit_id, url), pytest.raises(BusyError) as error:
+        use(url)
+    assert error.value.where.endswith(line.format(unit_id))
     with pytest.raises(TransportError) as error:
-        use()
+        use(url)
     assert not isinstance(error.value, BusyError)
 
 
