@@ -80,7 +80,7 @@ class Servo:
         self._warnings: tuple[str, ...] = ()
         self._error: BaseException | None = None
         self._is_replied = threading.Event()
-        self._began_unix_s = 0.0
+        self._began_s = 0.0
         client.on_report = self._receive
         request = ServoRequest(self._id, log_file.absolute(), wire)
         self._thread = threading.Thread(target=self._run, args=(request,), name="servo", daemon=True)
@@ -134,8 +134,8 @@ class Servo:
         return self._latest.measurement
 
     def unix_s(self, tick: Tick) -> float:
-        """Return the time of a tick since 1970-01-01 UTC, in s."""
-        return self._began_unix_s + tick.time_s
+        """Return the time of a tick since 1970-01-01 UTC, in s, by the present setting of the machine's clock."""
+        return time.time() - time.monotonic() + self._began_s + tick.time_s
 
     def move(
         self,
@@ -236,7 +236,7 @@ class Servo:
         """Take a report, in the thread of the link."""
         self.dropped = report.dropped
         if self._latest is None and report.ticks:
-            self._began_unix_s = time.time() - report.ticks[-1].tick.time_s
+            self._began_s = time.monotonic() - report.ticks[-1].tick.time_s
         for tick, followed in report.ticks:
             self._latest = tick
             for take in tuple(self.takers):

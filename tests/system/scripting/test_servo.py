@@ -3,6 +3,7 @@
 import shutil
 import signal
 import threading
+import time
 from dataclasses import replace
 from itertools import count, pairwise
 
@@ -72,6 +73,14 @@ def test_reference_is_followed_after_its_approach(servo):
     assert all(0.0 < later - earlier < 0.06 for earlier, later in pairwise(times_s))
     assert times_s[-1] - times_s[0] == pytest.approx(30.0, abs=0.2)
     assert max(tick.command.setpoint_mm for tick in ticks) == pytest.approx(7.0, abs=0.01)
+
+
+def test_time_of_a_tick_follows_the_clock_when_it_is_set(servo, monkeypatch):
+    servo.sample().wait()
+    tick, clock = servo.tick, time.time
+    before_s = servo.unix_s(tick)
+    monkeypatch.setattr(time, "time", lambda: clock() + 3600.0)
+    assert servo.unix_s(tick) - before_s == pytest.approx(3600.0, abs=0.1)
 
 
 def test_newer_motion_replaces_an_older_one(servo):
