@@ -42,8 +42,8 @@ def free_the_line(pid: int | None) -> str:
     """Return the cure for a line that another program uses; `pid` is None if its process is unknown."""
     kill = "`kill PID`" if pid is None else f"`kill {pid}`"
     return (
-        f"end that program: run `smadrive off RIG`, press Ctrl-C in its terminal, or run {kill}. A program of smadrive "
-        "switches its heater off before it ends. OFF (POST /off) of its page only switches the heater off"
+        f"wait until that program has ended, or end it: run `smadrive off RIG`, press Ctrl-C in its terminal, or run "
+        f"{kill}. A program of smadrive switches its heater off before it ends"
     )
 
 

@@ -81,9 +81,14 @@ def _make_link(link: Path, target: str) -> None:
         link.unlink()  # a killed simulator left this link; the new terminal may have the same number
     try:
         link.symlink_to(target)
+    except FileExistsError:
+        what, cure = "another file has this path", "choose a path that does not exist"
+        if link.is_symlink():
+            what, cure = (
+                "another program serves this path",
+                "end it (another firmware-sim?), or choose another path",
+            )
+        raise ConfigError(what, where=f"--pty {link}", cure=cure) from None
     except OSError as error:
-        raise ConfigError(
-            f"the link cannot be made ({error.strerror})",
-            where=f"--pty {link}",
-            cure="remove the file there, or choose another path",
-        ) from None
+        what, cure = f"the link cannot be made ({error.strerror})", "create its folder, or choose another path"
+        raise ConfigError(what, where=f"--pty {link}", cure=cure) from None

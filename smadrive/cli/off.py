@@ -98,8 +98,8 @@ def _simulated(off: SwitchedOff) -> Iterator[str]:
     if off.simulated:
         names = " and ".join(f"'{name}'" for name in off.simulated)
         yield (
-            f"each program simulates {names} (sim://) for itself, so no other program was stopped: end it with Ctrl-C "
-            "in its terminal, or with `kill`"
+            f"each program simulates {names} (sim://) for itself, so a run in another terminal goes on: "
+            "end it with Ctrl-C there, or with `kill`"
         )
 
 

@@ -38,10 +38,10 @@ def run_caveats(log: Log) -> tuple[str, ...]:
 
 
 def _noise_caveats(log: Log) -> tuple[str, ...]:
-    if "rig" not in log.metadata:
+    if not {"rig", "wire"} <= log.metadata.keys():  # no controller assumed a noise; `identify` measures it
         return ()
     assumed_c = rig_config_of(log).feedback.noise_c
-    balance = wire_of(log).heat_balance if "wire" in log.metadata else None
+    balance = wire_of(log).heat_balance
     if balance is not None:
         assumed_c = balance.assumed_noise_c(assumed_c)
     return noise_caveats(log.column_with_gaps("temperature_c"), assumed_c)
