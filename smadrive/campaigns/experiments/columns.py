@@ -67,6 +67,11 @@ COLUMNS = STATE | WIRE | FIT | TRACKING
 """Every column, in the order of the table."""
 
 
+def labelled(name: str) -> str:
+    """Return the name of a column with its unit, for a heading or an axis of a plot."""
+    return name if COLUMNS[name].unit == "1" else f"{name} / {COLUMNS[name].unit}"
+
+
 def columns_of(experiment: Experiment, *, has_model: bool) -> Mapping[str, ResultColumn]:
     """Return the columns that runs of an experiment can have. With a model, they fit nothing."""
     if experiment == "fit":

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
-from smadrive.campaigns.experiments.columns import COLUMNS
+from smadrive.campaigns.experiments.columns import COLUMNS, labelled
 from smadrive.campaigns.plan.axes import Axis
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.results.sensitivity import ColumnShare
@@ -44,7 +45,8 @@ def distribution_plot(table: DataFrame, metric: str) -> Plot:
     for label, (percentile, colour, style) in marks.items():
         value = float(np.percentile(values, percentile))
         ax.axvline(value, color=colour, ls=style, lw=1.2, label=f"{label}: {value:.3g}")
-    ax.set(xlabel=_label(metric), ylabel="runs", xscale="log" if wide else "linear")
+    ax.set(xlabel=labelled(metric), ylabel="runs", xscale="log" if wide else "linear")
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True))
     legend(ax)
     return Plot("Distribution", figure, f"{COLUMNS[metric].what}: all {values.size} runs that have a value.")
 
@@ -91,7 +93,7 @@ def _axis_plot(axis: Axis, table: DataFrame, metric: str) -> Plot:
     everything = np.concatenate(groups)
     if everything.size and everything.min() > 0 and everything.max() > WIDE_RATIO * everything.min():
         ax.set_yscale("log")
-    ax.set(xlabel=axis.name, ylabel=_label(metric))
+    ax.set(xlabel=axis.name, ylabel=labelled(metric))
     caption = "Box: quarter to three quarters of the runs, with the median; whiskers: 5 to 95 %; dots: the others."
     return Plot(f"By {axis.name}", figure, caption)
 
@@ -99,7 +101,3 @@ def _axis_plot(axis: Axis, table: DataFrame, metric: str) -> Plot:
 def _finite(table: DataFrame, metric: str) -> FloatArray:
     values: FloatArray = table[metric].to_numpy(dtype=np.float64)
     return values[np.isfinite(values)]
-
-
-def _label(metric: str) -> str:
-    return f"{metric} / {COLUMNS[metric].unit}"

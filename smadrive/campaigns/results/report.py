@@ -7,6 +7,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from smadrive.campaigns.experiments.columns import labelled
 from smadrive.campaigns.plan.plan import CampaignPlan
 from smadrive.campaigns.results.figures import axis_plots, distribution_plot, sensitivity_plot
 from smadrive.campaigns.results.sensitivity import ColumnShare, sensitivities
@@ -69,7 +70,7 @@ def summary_cells(row: SummaryRow) -> tuple[str, ...]:
 def summary_grid(by: Sequence[str], metric: str, rows: Sequence[SummaryRow]) -> Grid:
     """Return the table of medians and worst values."""
     part = "" if len(rows) <= MOST_ROWS else f", the first {MOST_ROWS} of {len(rows)} rows"
-    title = f"Summary of {metric}{part}"
+    title = f"Summary of {labelled(metric)}{part}"
     return Grid(summary_header(by), [summary_cells(row) for row in rows[:MOST_ROWS]], title)
 
 
@@ -84,7 +85,7 @@ def _end(plan: CampaignPlan, table: DataFrame) -> Banner:
 def _tiles(table: DataFrame, metric: str) -> list[tuple[str, str]]:
     (all_runs,) = summarized(table, metric, ())
     return [
-        (number_text(all_runs.median), f"median of {metric}"),
+        (number_text(all_runs.median), f"median of {labelled(metric)}"),
         (number_text(all_runs.high), "90 % of the runs that have a value are below"),
         (number_text(all_runs.worst), "worst"),
         (f"{all_runs.tripped} / {all_runs.failed}", "tripped / failed"),
@@ -108,7 +109,7 @@ def _two_axes(plan: CampaignPlan, table: DataFrame, metric: str) -> Iterator[Gri
         for level, row in zip(medians.index, medians.to_numpy(), strict=True)
     ]
     header = (f"{down.name} \\ {across.name}", *map(level_text, medians.columns))
-    yield Grid(header, rows, f"Median of {metric}: {down.name} and {across.name}")
+    yield Grid(header, rows, f"Median of {labelled(metric)}: {down.name} and {across.name}")
 
 
 def _ranking(ranking: Sequence[ColumnShare], metric: str) -> Iterator[PagePart]:
@@ -119,7 +120,7 @@ def _ranking(ranking: Sequence[ColumnShare], metric: str) -> Iterator[PagePart]:
     rows = [
         (one.column, f"{100 * one.share:.1f} %", number_text(one.lowest), number_text(one.highest)) for one in ranking
     ]
-    yield Grid(("column", "share", f"median {metric}, from", "to"), rows)
+    yield Grid(("column", "share", f"median {labelled(metric)}, from", "to"), rows)
 
 
 def _worst(plan: CampaignPlan, table: DataFrame, metric: str, logs: Mapping[int, Path]) -> Iterator[PagePart]:
@@ -130,7 +131,11 @@ def _worst(plan: CampaignPlan, table: DataFrame, metric: str, logs: Mapping[int,
         (str(row["run"]), *(level_text(row[name]) for name in axes), number_text(row[metric]), row["status"])
         for _, row in worst.iterrows()
     ]
-    yield Grid(("run", *axes, metric, "status"), rows, "Worst runs")
+    yield Grid(("run", *axes, labelled(metric), "status"), rows, "Worst runs")
+    if logs:
+        yield Notes(
+            ["The plots show what each run has measured. The errors in the table are those of the true displacement."]
+        )
     for number, path in logs.items():
         for plot in islice(log_plots(read_log(path)), LOG_PLOTS):
             yield Plot(f"Run {number}: {plot.title.lower()}", plot.figure, f"{path.name}. {plot.caption}")
