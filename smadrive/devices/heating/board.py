@@ -74,7 +74,6 @@ class HeaterBoard(DeviceSource[Device]):
         self._counter = nan
         self._counter_since_s = clock.now_s()
         self._has_converted = False
-        self._limits: dict[str, float] = {}
 
     def connect(self) -> None:
         """Prove the identity of the board, write its safe state, and start the check of its sample counter."""
@@ -87,25 +86,15 @@ class HeaterBoard(DeviceSource[Device]):
         self._write_limit("watchdog_s", watchdog_s, "watchdog_s")
         self._write_limit("temperature_max", limits.temperature_max_c, "temperature_max_c")
         self._write_limit("current_max", limits.current_max_a, "current_max_a")
-        names = [self.device.profile.role(role) for role in ("watchdog_s", "temperature_max", "current_max")]
-        self._limits = {name: reading.raw for name, reading in self.device.read(names, proved=True).items()}
 
     def arm(self) -> None:
-        """Arm the board by a write to its `arm` register.
-
-        SafetyError when it does not arm, or when it has lost its limits by a restart since `configure`.
-        """
+        """Arm the board by a write to its `arm` register; SafetyError when it does not arm."""
         self._write_key("arm")
         status = self._names["status"]
-        readings = self.device.read((status, *self._limits), proved=True)
-        if "armed" not in (words := readings[status].words):
+        if "armed" not in (words := self.device.read((status,), proved=True)[status].words):
             raise SafetyError(
                 "the device did not arm", where=status, value=", ".join(words), cure="clear the faults of the device"
             )
-        for name, raw in self._limits.items():
-            if readings[name].raw != raw:
-                what, cure = "the device has lost its limits, because it has restarted", "check its supply"
-                raise SafetyError(what, where=name, value=readings[name].value, cure=cure)
         self._armed = True
 
     def exchange(self, current_a: float, *, proved: bool = True) -> Supplied:  # noqa: ARG002  (the echo always proves it)

@@ -90,18 +90,6 @@ def test_arming_sets_watchdog_and_limits_on_the_device(heater, rig):
     assert rig.firmware.current_max_a == 0.6
 
 
-def test_device_that_restarts_before_it_is_armed_is_refused(heater, rig, clock):
-    """Its limits are then those of the factory, which are wider."""
-    heater.connect()
-    heater.source.configure(HeaterLimits(0.3, 90.0), 0.2)
-    rig.bench.devices[0].power_cycle()
-    clock.sleep_until(clock.now_s() + 2.0)
-    with pytest.raises(SafetyError) as error:
-        heater.source.arm()
-    assert error.value.where in ("watchdog_s", "temperature_max")
-    assert not heater.source.armed
-
-
 def test_a_watchdog_that_the_device_cannot_have_is_refused(heater, rig):
     heater.connect()
     with pytest.raises(ConfigError) as error:
