@@ -77,8 +77,8 @@ class RigConnection:
             self._stop_servo()
             check_may_wait(f"rig '{self.config.name}'")
         try:
-            self._client.stop_request()
             self._stop_servo()
+            self._client.stop_request()
             if not self._client.is_end_raised:
                 self._client.call(CloseRequest())
         finally:
