@@ -112,7 +112,7 @@ def test_a_port_in_use_is_refused_and_free_again_after_close(terminal):
     ):
         open_transport(f"serial://{path}")
     assert f"process {os.getpid()}" in error.value.what
-    assert all(way in error.value.cure for way in ("Ctrl-C", f"`kill {os.getpid()}`", "POST /off"))
+    assert all(way in error.value.cure for way in ("Ctrl-C", f"`kill {os.getpid()}`", "smadrive off"))
     open_transport(f"serial://{path}").close()
 
 
