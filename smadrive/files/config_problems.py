@@ -85,6 +85,8 @@ def _key(problem: dict[str, Any]) -> str:
 def _message(problem: dict[str, Any], kind: type[BaseModel]) -> str:
     if problem["type"] == _UNKNOWN:
         *path, key = problem["loc"]
+        if path and key in _known_keys(kind, ()):
+            return "unknown here; write this key at the beginning of the file, before the first [section]"
         return f"unknown key; {suggestion_or_list(str(key), _known_keys(kind, path))}"
     if problem["type"] == _MISSING:
         sources = {getattr(model, "source_of_keys", COPIED) for model in _models_at(kind, problem["loc"][:-1])}

@@ -88,6 +88,10 @@ def test_table_that_a_command_writes_names_the_command(tmp_path):
             'name = "x"\n[[parts]]\ncurent_max_a = 1.0\ncurrent_max_a = 1.0',
             ("[[parts]] 1: curent_max_a: ", "'current_max_a'"),
         ),
+        (
+            'name = "x"\n[[parts]]\ncurrent_max_a = 1.0\nname = "y"',
+            ("[[parts]] 1: name: ", "at the beginning of the file"),
+        ),
         ('one = 1\nname = "x"\nparts = []\n[two]', ("one, two: ", "name, parts")),
         ('nme = "x"\nprats = 1', ("nme: ", "'name'", "prats: ", "'parts'")),
         ('name = "x"\n[[parts]]\ncurrent_max_a = "much"', ("[[parts]] 1: current_max_a = 'much'",)),
