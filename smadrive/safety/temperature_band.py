@@ -8,12 +8,12 @@ warms fast, loses little heat, and cools slowly:
     hottest: C = m c / u_c while it warms, u_c (m c + Q / span) while it cools;  h A / u_h;  warmer surroundings
 
 C is the heat capacity that each balance uses. m c, Q and h A are the heat capacity, the latent heat and the heat loss
-of the nominal heat balance, u_c, u_q and u_h the uncertainties, and span is `TRANSFORMATION_C`. bounding_wire.py tells
-how often a wire takes up its latent heat. The reading must lie between the two temperatures, ± `MARGIN_C`; the lag of
-the thermocouple is applied to each of them only where this widens the band. A displacement or resistance that needs a
-warmer wire raises the temperature of the coldest wires; a wire of the phase ξ takes up only the share 1 - ξ of Q. The
-reading leaves the band if the bead falls off, if the thermocouple is reversed, or if the wire receives heat that is not
-measured.
+of the nominal heat balance, u_c and u_h the uncertainties, u_q is `LATENT`, and span is `TRANSFORMATION_C`.
+bounding_wire.py tells how often a wire takes up its latent heat. The reading must lie between the two temperatures, ±
+`MARGIN_C`; the lag of the thermocouple is applied to each of them only where this widens the band. A displacement or
+resistance that needs a warmer wire raises the temperature of the coldest wires; a wire of the phase ξ takes up only the
+share 1 - ξ of Q. The reading leaves the band if the bead falls off, if the thermocouple is reversed, or if the wire
+receives heat that is not measured.
 
 A frozen reading, which does not change even in its last digit, is detected sooner, from the power since its last
 change:
@@ -52,6 +52,8 @@ SURROUNDINGS_C = 10.0
 """Largest difference between the surroundings and the ambient temperature of the heat balance, K."""
 MARGIN_C = 6.0
 """Added on both sides of the band for noise and quantisation, K."""
+LATENT = 1.5
+"""Largest factor between the latent heat of the whole wire and that of its heat balance."""
 UNFOLLOWED_S = 1.0
 """The heat input of about this time is compared with the rise of the reading, s."""
 UNFOLLOWED_C = 5.0
@@ -64,14 +66,10 @@ FROZEN_C = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """Largest factors between the true values of a wire and those in its heat balance.
+    """Largest factors, up or down, between the true values of a wire and those in its heat balance."""
 
-    They are those of the heat capacity and of the latent heat per K, of the heat loss, and of the whole latent heat.
-    """
-
-    capacity: float
+    capacity: float  # and of the latent heat per K
     loss: float
-    latent: float = 1.5
 
 
 NOMINAL = Uncertainty(capacity=3.0, loss=1.6)
@@ -136,7 +134,7 @@ class TemperatureBand:
         least_w_per_k = balance.loss_w_per_k / uncertainty.loss
         self._ambient_c = balance.ambient_c
         self._coldest = tuple(
-            ColdestWire(most_w_per_k, capacity, uncertainty.latent * balance.latent_heat_j, self._latent_j_per_k)
+            ColdestWire(most_w_per_k, capacity, LATENT * balance.latent_heat_j, self._latent_j_per_k)
             for capacity in (factor * nominal, nominal, quick)
         )
         self._hottest = BoundingWire(least_w_per_k, max, warming_j_per_k=quick, cooling_j_per_k=slow)

@@ -116,7 +116,7 @@ def test_rules_are_written_as_sentences():
 
 
 def test_certificates():
-    assert PAPER.certificate().invertible_share == pytest.approx(1.0)
+    assert PAPER.certificate().invertible_share > 1 - 1e-9
     for model in MODELS.values():
         certificate = model.certificate()
         assert certificate.holds
