@@ -14,7 +14,8 @@ colder, so the heat does not count; but only what it has lost in this way can be
 
     dQ'/dt = (Q - Q') h A / C     while it cools,     Q' the latent heat that it can take up
 
-So short pulses of current heat a coldest wire as their mean power does.
+So short pulses of current heat a coldest wire as their mean power does. Surroundings that warm a wire without power let
+it take up no latent heat: between two runs the room may become warmer.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ class SimpleWire:
 
     def __init__(self, loss_w_per_k: float, *, warming_j_per_k: float, cooling_j_per_k: float) -> None:
         self._loss_w_per_k = loss_w_per_k
-        self.warming_j_per_k = warming_j_per_k
+        self._warming_j_per_k = warming_j_per_k
         self._cooling_j_per_k = cooling_j_per_k
 
     def start(self, temperature_c: float, ambient_c: float) -> None:
@@ -44,7 +45,7 @@ class SimpleWire:
     def step(self, power_w: float, dt_s: float) -> float:
         """Heat the wire with `power_w` for `dt_s`. Return its temperature, °C."""
         settled_c = self._ambient_c + power_w / self._loss_w_per_k
-        capacity = self.warming_j_per_k if settled_c > self.temperature_c else self._cooling_j_per_k
+        capacity = self._warming_j_per_k if settled_c > self.temperature_c else self._cooling_j_per_k
         decayed_c = (self.temperature_c - settled_c) * exp(-dt_s * self._loss_w_per_k / capacity)
         self.temperature_c = settled_c + decayed_c
         return self.temperature_c
@@ -126,8 +127,8 @@ class ColdestWire(BoundingWire):
     def step(self, power_w: float, dt_s: float) -> float:
         """Heat the wire with `power_w` for `dt_s`. Return its temperature, °C."""
         most_j = self.untransformed * self._latent_j
-        if power_w < self.holding_w():
-            self._left_j += (most_j - self._left_j) * (1.0 - exp(-dt_s * self._loss_w_per_k / self.warming_j_per_k))
+        if power_w <= 0.0 or power_w < self.holding_w():
+            self._left_j += (most_j - self._left_j) * (1.0 - exp(-dt_s * self._loss_w_per_k / self._warming_j_per_k))
             return super().step(power_w, dt_s)
         self._left_j = min(self._left_j, most_j)
         return super().step(power_w, dt_s - self._transform(power_w, dt_s))
@@ -138,7 +139,7 @@ class ColdestWire(BoundingWire):
         if self._left_j <= 0.0:
             return 0.0
         settled_c = self._ambient_c + power_w / self._loss_w_per_k
-        end_c, rate = self.temperature_c + self._left_j / per_k, self._loss_w_per_k / (self.warming_j_per_k + per_k)
+        end_c, rate = self.temperature_c + self._left_j / per_k, self._loss_w_per_k / (self._warming_j_per_k + per_k)
         most_c = settled_c + (self.temperature_c - settled_c) * exp(-dt_s * rate)
         if most_c <= end_c:
             self._left_j -= (most_c - self.temperature_c) * per_k

@@ -85,15 +85,16 @@ def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c, sees=F
     sigma=st.floats(2.0, 8.0),
     lag_s=st.floats(0.0, 0.25),
     ambient_c=st.floats(15.0, 29.0),
+    later_ambient_c=st.floats(15.0, 29.0),
     powers=st.lists(st.one_of(HOLDING, BURST), min_size=3, max_size=12),
     sees=st.booleans(),
     pause=st.integers(0, 60),
     uncertainty=st.sampled_from([NOMINAL, IDENTIFIED]),
 )
 def test_healthy_wire_of_any_allowed_parameters_does_not_trip(
-    capacity, loss, latent, sigma, lag_s, ambient_c, powers, sees, pause, uncertainty
+    capacity, loss, latent, sigma, lag_s, ambient_c, later_ambient_c, powers, sees, pause, uncertainty
 ):
-    """The powers are those that hold a wire, with bursts far above. A second run begins after a pause."""
+    """The powers hold a wire, with bursts far above. A second run begins after a pause, in another room."""
     true = replace(
         NOMINAL_BALANCE,
         heat_capacity_j_per_k=NOMINAL_BALANCE.heat_capacity_j_per_k * capacity,
@@ -106,6 +107,7 @@ def test_healthy_wire_of_any_allowed_parameters_does_not_trip(
     supervisor = supervised(NOMINAL_BALANCE, uncertainty, 600.0, DisplacementBand(LOOP))
     wire = Wire(true, sigma)
     assert run(supervisor, wire, steps, sees=sees) is None
+    wire.balance = replace(true, ambient_c=later_ambient_c)
     for _ in range(pause):
         wire.heat(0.0)
     again = supervised(NOMINAL_BALANCE, uncertainty, 600.0, DisplacementBand(LOOP), supervisor.heated)
@@ -179,6 +181,21 @@ def test_wire_is_armed_again_when_the_heat_of_its_last_run_is_gone():
         again = supervised(NOMINAL_BALANCE, IDENTIFIED, heated=supervisor.heated)
         with pytest.raises(SafetyError) if is_refused else nullcontext():
             again.check_may_arm(rest)
+
+
+@pytest.mark.parametrize("uncertainty", [NOMINAL, IDENTIFIED])
+def test_warmer_room_takes_up_no_latent_heat(uncertainty):
+    """The wire has rested in a cold room after a run, and a second run begins in a warmer room."""
+    last = TemperatureBand(NOMINAL_BALANCE, uncertainty, 0.2)
+    last.start(12.0, 0.0)
+    for n, power_w in enumerate([2.0] * 40 + [0.0] * 1200, start=1):
+        last.update(12.0, power_w, n * TICK_S)
+    lows_c = []
+    for heated in (last.heated, None):
+        band, begin_s = TemperatureBand(NOMINAL_BALANCE, uncertainty, 0.2, heated), 3600.0
+        band.start(22.0, begin_s)
+        lows_c += [band.update(22.0, 2.0, begin_s + n * TICK_S).low_c for n in range(1, 41)][-1:]
+    assert lows_c[0] == pytest.approx(lows_c[1], abs=0.1)
 
 
 def test_loose_bead_on_a_transformed_wire_trips_sooner_with_its_displacement():
