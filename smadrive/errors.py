@@ -124,7 +124,7 @@ class TransportError(SmadriveError):
 
 
 class BusyError(TransportError):
-    """Another process has locked the serial port, or the unit at the network address.
+    """Another process has locked the serial port, the line behind a socket, or the unit of a gateway.
 
     This is usually a driver, a guardian, or `smadrive off`. `holder_pid` is the id of the process; None if unknown.
     """

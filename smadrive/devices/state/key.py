@@ -22,6 +22,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from hashlib import sha256
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -83,6 +84,11 @@ class DeviceKey:
     port: str = field(default="", compare=False)
     is_one_line: bool = field(default=False, compare=False)
 
+    @property
+    def digest(self) -> str:
+        """A short text for the names of files that belong to this key."""
+        return sha256(repr((sorted(self.names), self.unit_id, self.serial_number)).encode()).hexdigest()[:32]
+
     def port_match(self, other: DeviceKey) -> Match:
         """Compare the unit ids and the port names of both keys. One common name proves that the port is the same."""
         if None not in (self.unit_id, other.unit_id) and self.unit_id != other.unit_id:
@@ -121,8 +127,12 @@ class DeviceKey:
 
 def key_at(url: str, profile: Profile, unit_id: int | None) -> DeviceKey:
     """Return the key of a device that has not answered yet. ConfigError when the URL names no port."""
-    unit = (profile.unit_id if unit_id is None else unit_id) if profile.has_registers else None
-    return DeviceKey(port_names(url), unit, port=port_of(url), is_one_line=is_one_line(url))
+    return unit_key(url, (profile.unit_id if unit_id is None else unit_id) if profile.has_registers else None)
+
+
+def unit_key(url: str, unit_id: int | None) -> DeviceKey:
+    """Return the key of the unit with this id at the port. ConfigError when the URL names no port."""
+    return DeviceKey(port_names(url), unit_id, port=port_of(url), is_one_line=is_one_line(url))
 
 
 def serial_number(profile: Profile, identity: Identity) -> str | None:

@@ -121,8 +121,7 @@ def _applying_in(file: Path, key: DeviceKey) -> Iterator[_FoundRecord]:
 
 def _write(key: DeviceKey, trip: str) -> None:
     record = _Record(names=key.names, unit_id=key.unit_id, serial_number=key.serial_number, trip=trip)
-    digest = sha256(repr((sorted(key.names), key.unit_id, key.serial_number)).encode()).hexdigest()
-    file = state_dir() / RECORDS.replace("*", digest[:32])
+    file = state_dir() / RECORDS.replace("*", key.digest)
     file.parent.mkdir(parents=True, exist_ok=True)
     with replacing(file) as partial:
         partial.write_text(record.model_dump_json(indent=2) + "\n", encoding="utf-8")

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
 
-from smadrive.devices.state.key import DeviceKey, port_names
+from smadrive.devices.state.key import DeviceKey, unit_key
 from smadrive.errors import ConfigError
-from smadrive.modbus.transports.connect import port_of
 
 _URL = re.compile(r"\b(?:serial|tcp|rtu\+tcp)://[^\s\"'#,}\]]+")
 _PATH = re.compile(r"[=\s\"'](/[^\s\"'#,}\]]+)")
@@ -35,8 +36,6 @@ def keys_in(text: str) -> tuple[DeviceKey, ...]:
 
 
 def _keys_at(url: str, unit_ids: set[int]) -> Iterator[DeviceKey]:
-    try:
-        names, port = port_names(url), port_of(url)
-    except (ConfigError, ValueError):
-        return
-    yield from (DeviceKey(names, unit_id, port=port) for unit_id in sorted(unit_ids))
+    with suppress(ConfigError, ValueError):
+        key = unit_key(url, None)
+        yield from (replace(key, unit_id=unit_id) for unit_id in sorted(unit_ids))

@@ -15,6 +15,7 @@ from smadrive.rig.ports.board_port import open_board
 PROFILES = [load_profile(name) for name in ("sma-reference", "riden-rd60xx")]
 URL = "rtu+tcp://127.0.0.1:1"
 """An address at which nothing listens."""
+GATEWAY = URL.removeprefix("rtu+")
 
 
 def heated(unit_id, url=URL):
@@ -36,14 +37,16 @@ def use_scan(url=URL):
 
 
 @pytest.mark.parametrize("unit_id", [1, 3, 7])
-@pytest.mark.parametrize(("url", "line"), [(URL, "tcp://127.0.0.1:1"), (URL.removeprefix("rtu+"), "unit {}")])
+@pytest.mark.parametrize(("url", "line"), [(URL, "tcp://127.0.0.1:1"), (GATEWAY, "unit {}")])
+@pytest.mark.parametrize("used", [URL, GATEWAY])
 @pytest.mark.parametrize("use", [use_board, use_scan])
-def test_network_port_with_a_driver_is_busy(use, unit_id, url, line):
+def test_network_port_with_a_driver_is_busy(use, used, unit_id, url, line):
+    """Also if the driver takes the port for a gateway, and the other program for a serial line, or the reverse."""
     with heated(unit_id, url), pytest.raises(BusyError) as error:
-        use(url)
+        use(used)
     assert error.value.where.endswith(line.format(unit_id))
     with pytest.raises(TransportError) as error:
-        use(url)
+        use(used)
     assert not isinstance(error.value, BusyError)
 
 
