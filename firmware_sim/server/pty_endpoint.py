@@ -10,6 +10,7 @@ from pathlib import Path
 from firmware_sim.bus.ports import Port
 from firmware_sim.server.endpoint import EndpointConnection, Received
 from smadrive.errors import ConfigError
+from smadrive.modbus.transports.pseudo_terminal import TERMINALS
 from smadrive.posix import tty
 
 _CHUNK = 512
@@ -83,12 +84,9 @@ def _make_link(link: Path, target: str) -> None:
         link.symlink_to(target)
     except FileExistsError:
         what, cure = "another file has this path", "choose a path that does not exist"
-        if link.is_symlink():
-            what, cure = (
-                "another program serves this path",
-                "end it (another firmware-sim?), or choose another path",
-            )
+        if link.is_symlink() and str(link.readlink()).startswith(TERMINALS):
+            what, cure = "another program serves this path", "end it (another firmware-sim?), or choose another path"
         raise ConfigError(what, where=f"--pty {link}", cure=cure) from None
     except OSError as error:
-        what, cure = f"the link cannot be made ({error.strerror})", "create its folder, or choose another path"
+        what, cure = f"the link cannot be made ({error.strerror})", "choose a path in a folder that you may write to"
         raise ConfigError(what, where=f"--pty {link}", cure=cure) from None

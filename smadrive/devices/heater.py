@@ -118,6 +118,7 @@ class Heater:
 
     def exchange(self, current_a: float) -> Measurement:
         """Command `current_a`, clamped to the limits, and return the measurement.
+
         If the command is not finite, zero is sent and SafetyError is raised. After a wrong reply the temperature
         counts as unknown, so the next command is clamped to zero.
         """

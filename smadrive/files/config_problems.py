@@ -33,6 +33,7 @@ _CURES = {
     "finite_number": "write a finite number",
     "int_from_float": "write a whole number",
     "literal_error": "write {expected}",
+    "enum": "write {expected}",
 }
 """The cure of each type of problem that pydantic finds in a single value. The names are those of pydantic."""
 
@@ -85,9 +86,10 @@ def _key(problem: dict[str, Any]) -> str:
 def _message(problem: dict[str, Any], kind: type[BaseModel]) -> str:
     if problem["type"] == _UNKNOWN:
         *path, key = problem["loc"]
-        if path and key in _known_keys(kind, ()):
-            return "unknown here; write this key at the beginning of the file, before the first [section]"
-        return f"unknown key; {suggestion_or_list(str(key), _known_keys(kind, path))}"
+        names = suggestion_or_list(str(key), _known_keys(kind, path))
+        if path and key in _known_keys(kind, ()) and not _models_below(kind, key):
+            return f"unknown here; {names}; or write it at the beginning of the file, before the first [section]"
+        return f"unknown key; {names}"
     if problem["type"] == _MISSING:
         sources = {getattr(model, "source_of_keys", COPIED) for model in _models_at(kind, problem["loc"][:-1])}
         return f"missing; {' or '.join(sorted(sources))}"

@@ -88,7 +88,11 @@ class HeaterBoard(DeviceSource[Device]):
         self._write_limit("current_max", limits.current_max_a, "current_max_a")
 
     def arm(self) -> None:
-        """Arm the board by a write to its `arm` register; SafetyError when it does not arm."""
+        """Arm the board by a write to its `arm` register; SafetyError when it does not arm.
+
+        A board that has restarted since `configure` has the limits of its firmware until the next run. During this run
+        only the driver enforces those of the rig.
+        """
         self._write_key("arm")
         status = self._names["status"]
         if "armed" not in (words := self.device.read((status,), proved=True)[status].words):

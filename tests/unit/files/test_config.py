@@ -1,6 +1,7 @@
 """Every error in a config file is one line that names file, key and cure."""
 
 import os
+from enum import StrEnum
 from typing import Literal
 
 import pytest
@@ -90,7 +91,7 @@ def test_table_that_a_command_writes_names_the_command(tmp_path):
         ),
         (
             'name = "x"\n[[parts]]\ncurrent_max_a = 1.0\nname = "y"',
-            ("[[parts]] 1: name: ", "at the beginning of the file"),
+            ("[[parts]] 1: name: ", "known are: current_max_a", "at the beginning of the file"),
         ),
         ('one = 1\nname = "x"\nparts = []\n[two]', ("one, two: ", "name, parts")),
         ('nme = "x"\nprats = 1', ("nme: ", "'name'", "prats: ", "'parts'")),
@@ -110,6 +111,27 @@ def test_error_names_file_and_key_in_one_line(tmp_path, text, named):
     assert "\n" not in str(caught.value)
     assert "more)" not in caught.value.what
     assert "name: missing" not in caught.value.what
+
+
+def test_section_inside_another_one_is_no_key_for_the_beginning_of_the_file(tmp_path):
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, 'name = "x"\n[[parts]]\ncurrent_max_a = 1.0\n[parts.parts]\ncurrent_max_a = 1.0')
+    assert "[[parts]] 1: parts: unknown key; known are: current_max_a" in caught.value.what
+    assert "beginning" not in caught.value.what
+
+
+class Choice(StrEnum):
+    ONE = "one"
+    TWO = "two"
+
+
+class Chosen(Section):
+    choice: Choice
+
+
+def test_unknown_choice_has_the_known_ones_as_its_cure():
+    with pytest.raises(ConfigError, match="choice: 'three' is not allowed; write 'one' or 'two'"):
+        validate({"choice": "three"}, Chosen, "rig.toml")
 
 
 def test_many_problems_are_counted(tmp_path):
