@@ -150,8 +150,6 @@ class OpenRig(RigConnection):
 
         A run that another thread has started ends: that thread gets a SafetyError.
         """
-        self._check_free()
-        self._client.stop_request()
         self._call(SwitchOffRequest())
 
     def latched_trip(self) -> str | None:

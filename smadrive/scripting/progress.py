@@ -20,7 +20,8 @@ from rich.text import Text
 
 from smadrive.display.card import FONT
 from smadrive.display.number_text import quantity
-from smadrive.scripting.loop.messages import RunProgress, Show, show_nothing
+from smadrive.scripting.loop.loop_client import Show
+from smadrive.scripting.loop.messages import RunProgress
 
 BAR = 30
 """Length of the bar in a terminal, in characters."""
@@ -48,8 +49,8 @@ def share_done(progress: RunProgress) -> float:
 
 
 @contextmanager
-def shown_progress(title: str) -> Iterator[Show]:
-    """Yield a function that shows the progress of a run. The display ends with the `with` block."""
+def shown_progress(title: str) -> Iterator[Show | None]:
+    """Yield a function that shows the progress of a run; None if nobody sees it. The `with` block ends the display."""
     console = Console(stderr=True)
     if is_notebook():
         with _in_notebook(title) as show:
@@ -58,7 +59,7 @@ def shown_progress(title: str) -> Iterator[Show]:
         with _in_terminal(title, console) as show:
             yield show
     else:
-        yield show_nothing
+        yield None
 
 
 def is_notebook() -> bool:

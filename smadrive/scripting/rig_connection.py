@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import threading
 import weakref
 from pathlib import Path
 from types import TracebackType
@@ -10,13 +11,16 @@ from typing import Any, Self
 
 from smadrive.display.ascii_text import ascii_text
 from smadrive.display.card import card
-from smadrive.errors import ConfigError
+from smadrive.errors import BusyError, ConfigError
 from smadrive.rig.config import RigConfig
 from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
 from smadrive.scripting.callbacks import check_may_wait, is_callback
 from smadrive.scripting.loop.loop_client import LoopClient
 from smadrive.scripting.loop.messages import CloseRequest, OpenedRig, OpenRequest
 from smadrive.scripting.servo import Servo
+
+_clients: weakref.WeakSet[LoopClient] = weakref.WeakSet()
+"""The clients of this script."""
 
 
 class RigConnection:
@@ -28,12 +32,16 @@ class RigConnection:
     def __init__(self, config: RigConfig) -> None:
         self.config = config
         self._servo: Servo | None = None
+        self._one_close = threading.RLock()
         self._client = LoopClient()
+        _clients.add(self._client)
         self._finalizer = weakref.finalize(self, self._client.end)
         try:
             opened: OpenedRig = self._client.call(OpenRequest(config, tuple(sys.path)))
-        except BaseException:
+        except BaseException as error:
             self._finalizer()
+            if isinstance(error, BusyError) and error.holder_pid in {one.pid for one in _clients if not one.is_lost}:
+                raise _busy(error.where) from None
             raise
         self._identities, self.is_virtual, self.quantities = opened
 
@@ -76,9 +84,13 @@ class RigConnection:
         if is_callback():
             self._stop_servo()
             check_may_wait(f"rig '{self.config.name}'")
+        with self._one_close:
+            if self.is_open:
+                self._close()
+
+    def _close(self) -> None:
         try:
             self._stop_servo()
-            self._client.stop_request()
             if not self._client.is_end_raised:
                 self._client.call(CloseRequest())
         finally:
@@ -141,3 +153,9 @@ class RigConnection:
 
     def _repr_html_(self) -> str:
         return card(f"Rig: {self.config.name}", self.facts())
+
+
+def _busy(where: str) -> BusyError:
+    """Return the error for a line that this script uses already."""
+    cure = "use the rig that is open, or close it first: call its close(), or open it in a `with` block"
+    return BusyError("busy, because this script has a rig open on this line", where=where, cure=cure)

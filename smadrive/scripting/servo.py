@@ -30,7 +30,7 @@ from smadrive.scripting.arguments import (
 from smadrive.scripting.callbacks import is_callback, succeeds
 from smadrive.scripting.loop.loop_client import LoopClient
 from smadrive.scripting.loop.messages import DrivenRun, ServoRequest
-from smadrive.scripting.loop.servo.servo_messages import (
+from smadrive.scripting.loop.servo.messages import (
     FollowCommand,
     MoveCommand,
     SampleCommand,

@@ -14,9 +14,11 @@ from smadrive.scripting.loop.script_process import STOPPED_S
 
 def stopped_script(interruption: KeyboardInterrupt) -> SafetyError:
     """Return the error of a request that was interrupted because the script was stopped."""
-    cure = "let the script run while the wire is heated (Ctrl-Z, SIGSTOP and a debugger stop it)"
-    error = SafetyError("the script was stopped, so the heater was switched off", limit=f"{STOPPED_S:g} s", cure=cure)
-    if (outcome := shutdown_of(interruption)) is not None:
+    outcome = shutdown_of(interruption)
+    done = "the heater was switched off" if outcome is not None and outcome.ended_run else "the request has ended"
+    cure = "let the script run until its request is done (Ctrl-Z, SIGSTOP and gdb stop it)"
+    error = SafetyError(f"the script was stopped, so {done}", limit=f"{STOPPED_S:g} s", cure=cure)
+    if outcome is not None:
         carry(error, outcome)
     return error
 

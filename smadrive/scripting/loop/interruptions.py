@@ -18,7 +18,6 @@ before the request begins.
 from __future__ import annotations
 
 import signal
-import sys
 import threading
 from enum import Enum, auto
 from types import FrameType, TracebackType
@@ -71,11 +70,6 @@ class RequestSignals:
         if self.error is None or (isinstance(self.error, Exception) and not isinstance(error, Exception)):
             self.error = error
 
-    def look_at_main_thread(self) -> None:
-        """Keep an error if the main thread has ended by an error, such as KeyboardInterrupt: the run must end, too."""
-        if not threading.main_thread().is_alive() and hasattr(sys, "last_value"):
-            self.keep(SafetyError("the main thread of the script has ended", value=repr(sys.last_value)))
-
     def __enter__(self) -> Self:
         """Count and keep from now on."""
         if threading.current_thread() is threading.main_thread():
@@ -122,6 +116,17 @@ class RequestSignals:
                 handler(number, frame)
             except BaseException as error:  # noqa: BLE001 (raised after the request has ended)
                 self.keep(error)
+
+
+def ended_by_thread() -> SafetyError:
+    """Return the error of a request that another thread has ended."""
+    return SafetyError("another thread has called off() or close()", where="loop process")
+
+
+def outlives_script() -> SafetyError:
+    """Return the error of a request that has ended because the main thread has: nothing can interrupt it any more."""
+    cure = "let the main thread wait until the run has ended, by join() of its thread"
+    return SafetyError("the main thread of the script has ended", where="loop process", cure=cure)
 
 
 def error_to_raise(reply: Result | Failure, signals: RequestSignals) -> BaseException | None:

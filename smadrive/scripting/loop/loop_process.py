@@ -43,7 +43,7 @@ from smadrive.scripting.loop.messages import (
 )
 from smadrive.scripting.loop.own_controller import OwnController, Pace
 from smadrive.scripting.loop.script_link import ScriptLink
-from smadrive.scripting.loop.servo.loop_servo import LoopServo
+from smadrive.scripting.loop.servo.controller import ServoController
 
 
 def serve(link: ScriptLink) -> None:
@@ -132,7 +132,7 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
         case DriveRequest():
             return _driven(request, rig, link)
         case ServoRequest(servo_id=servo_id, log_file=log_file, wire=wire):
-            servo = LoopServo(rig, wire, servo_id, link, is_virtual=_is_virtual(rig))
+            servo = ServoController(rig, wire, servo_id, link, is_virtual=_is_virtual(rig))
             watch, kind = servo.watched(link.watch), RunKind.SERVO
             stop, trusts = servo.stop_requested, servo.trusts_sensor
             return _counts(drive(log_file, rig, servo, kind, kind.value, wire, watch, stop, trusts))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import signal
 import socket
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
@@ -19,7 +18,6 @@ from typing import Any, NamedTuple
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
-from smadrive.errors import LoopProcessError
 from smadrive.interrupts import HeldSignals
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig
@@ -166,13 +164,6 @@ class RunProgress(NamedTuple):
     duration_s: float
 
 
-Show = Callable[[RunProgress], None]
-
-
-def show_nothing(_progress: RunProgress) -> None:
-    """Show no progress."""
-
-
 class ScriptEndedError(SystemExit):
     """The script has ended, or has asked the loop process to end."""
 
@@ -199,19 +190,6 @@ class RemoteTracebackError(Exception):
 
     def __str__(self) -> str:
         return f"\n{self._text}"
-
-
-def process_error(code: int) -> LoopProcessError:
-    """Return the error for a loop process that has ended with the exit code `code`; -N means by the signal N."""
-    if code == 0:
-        what, cure = "it has ended, because a signal or an error stopped it", "open the rig again"
-        return LoopProcessError(what, where="loop process", cure=cure)
-    return LoopProcessError(
-        "it has died; the watchdog of the device, or the guardian, switches the heater off",
-        where="loop process",
-        value=f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}",
-        cure="confirm with `smadrive off RIG` that the heater is off, then open the rig again",
-    )
 
 
 def send_whole(connection: Connection[Any, Any], message: bytes) -> None:

@@ -37,7 +37,7 @@ from smadrive.scripting.loop.messages import (
     ScriptEndedError,
 )
 from smadrive.scripting.loop.script_process import ScriptProcess
-from smadrive.scripting.loop.servo.servo_messages import ServoCommand, ServoReport
+from smadrive.scripting.loop.servo.messages import ServoCommand, ServoReport
 
 LOOK_S = 0.5
 """Interval in s of the check that the script still runs, because a child of the script may keep the socket open."""
@@ -51,10 +51,9 @@ class ScriptLink:
     def __init__(self, descriptor: int) -> None:
         self._connection: Connection[Any, Any] = Connection(descriptor)
         self._script = ScriptProcess(os.getppid())
-        self._is_script_stopped = False
         self._requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._commands: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-        self._number, self._interrupted_number = 0, -1
+        self._number, self._interrupted_number, self._stopped_number = 0, -1, -1
         self._phase = Phase.WAITING
         self._is_ending = False
         self.stop_requested = never
@@ -91,7 +90,7 @@ class ScriptLink:
         message = self._requests.get()
         if message == END:
             raise ScriptEndedError
-        self._number, self._is_script_stopped = int.from_bytes(message[1 : 1 + NUMBER_BYTES]), False
+        self._number = int.from_bytes(message[1 : 1 + NUMBER_BYTES])
         return message[1 + NUMBER_BYTES :]
 
     @contextmanager
@@ -174,7 +173,7 @@ class ScriptLink:
 
     def fail(self, error: BaseException, *, is_own_code: bool) -> None:
         """Send the error that ended the request, with its traceback if code of the user may have raised it."""
-        if self._is_script_stopped and isinstance(error, KeyboardInterrupt):
+        if self._stopped_number == self._number and isinstance(error, KeyboardInterrupt):
             error = stopped_script(error)
         self._send(dumped_failure(self._number, error, is_own_code=is_own_code))
 
@@ -194,19 +193,25 @@ class ScriptLink:
 
     def _listen(self) -> None:
         while (message := self._received()) != END:
+            if message:
+                self._script.has_run()
             if message.startswith(INTERRUPT):
-                self._interrupted_number = int.from_bytes(message[1:])
-                if self._interrupted_number == self._number:
-                    signal.pthread_kill(self._loop_thread, signal.SIGINT)
+                self._interrupt_request(int.from_bytes(message[1:]))
             elif message.startswith(COMMAND):
                 self._commands.put(message[1:])
             elif message:
                 self._requests.put(message)
-            elif self._script.is_stopped(time.monotonic()):
-                self._is_script_stopped = True
-                signal.pthread_kill(self._loop_thread, signal.SIGINT)
+            elif self._script.is_stopped(time.monotonic()) and self._stopped_number != self._number:
+                self._stopped_number = self._number  # once: HeldSignals would count the others
+                self._interrupt_request(self._number)
         signal.pthread_kill(self._loop_thread, signal.SIGTERM)
         self._requests.put(END)  # the signal has no effect while the heater is being switched off after a trip
+
+    def _interrupt_request(self, number: int) -> None:
+        """Interrupt the request `number`, now or as soon as it begins."""
+        self._interrupted_number = number
+        if number == self._number:
+            signal.pthread_kill(self._loop_thread, signal.SIGINT)
 
     def _received(self) -> bytes:
         """Return the next message; END if the script has ended, b"" if no message arrived within `LOOK_S`."""

@@ -1,8 +1,8 @@
 """The process of the script, as its loop process sees it: it runs, it has ended, or it is stopped.
 
-A stopped process (Ctrl-Z, SIGSTOP, a debugger) can neither command nor receive an interruption. So it must not heat for
-ever. A script that only computes or waits is not stopped. The state of the process is in /proc: where this folder is
-missing, no process counts as stopped.
+A stopped process (Ctrl-Z, SIGSTOP, gdb) can neither command nor receive an interruption. So it must not heat for ever.
+A script that only computes or waits is not stopped, and neither is one at a breakpoint of pdb or of an editor, because
+its Python runs on. The state of the process is in /proc: where this folder is missing, no process counts as stopped.
 """
 
 from __future__ import annotations
@@ -29,6 +29,10 @@ class ScriptProcess:
     def has_ended(self) -> bool:
         """Return True if the script, which is the parent of the calling process, has ended."""
         return os.getppid() != self._pid
+
+    def has_run(self) -> None:
+        """Note that the script has just sent a message, so that it cannot have been stopped."""
+        self._stopped_since_s = inf
 
     def is_stopped(self, now_s: float) -> bool:
         """Return True if each look of the last `STOPPED_S` has found the script stopped. It is `now_s` now."""

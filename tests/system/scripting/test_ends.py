@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 import tomllib
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import programs
@@ -17,7 +16,7 @@ from process_tree import children
 from served import PATIENT, served, with_limits
 
 import smadrive
-from smadrive.errors import BusyError, LoopProcessError, SafetyError
+from smadrive.errors import BusyError, LoopProcessError
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
@@ -344,29 +343,3 @@ def test_ended_client_is_ended_again_without_an_error():
     client.end()
     assert not programs.lives(client.pid)
     wait_for(lambda: client.is_lost)
-
-
-@pytest.mark.parametrize("act", ["off", "close"])
-def test_another_thread_ends_a_run(tmp_path, act):
-    with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
-        run = pool.submit(rig.heat, 86_400, current_a=0.2, log=tmp_path / "heat.h5")
-        wait_for((tmp_path / "heat.h5").exists)
-        getattr(rig, act)()
-        assert isinstance(run.exception(), SafetyError)
-        assert rig.is_open == (act == "off")
-    assert_confirmed(read_log(tmp_path / "heat.h5"))
-
-
-def test_run_of_a_thread_ends_when_the_main_thread_has_failed(tmp_path):
-    script = """
-import pathlib, threading, time, smadrive
-rig = smadrive.open_rig("in-process")
-threading.Thread(target=rig.heat, args=(86_400,), kwargs={"current_a": 0.2, "log": "heat.h5"}).start()
-while not pathlib.Path("heat.h5").exists():
-    time.sleep(0.01)
-raise KeyboardInterrupt
-"""
-    with programs.Program([sys.executable, "-c", script], cwd=tmp_path, stderr=subprocess.PIPE, text=True) as program:
-        _, errors = program.communicate()
-    assert "SafetyError" in errors
-    assert_confirmed(read_log(tmp_path / "heat.h5"))

@@ -10,8 +10,8 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import drive
 from smadrive.runs.run_kind import RunKind
-from smadrive.scripting.loop.servo.loop_servo import LoopServo
-from smadrive.scripting.loop.servo.servo_messages import FollowCommand, StopCommand
+from smadrive.scripting.loop.servo.controller import ServoController
+from smadrive.scripting.loop.servo.messages import FollowCommand, StopCommand
 from smadrive.wire.identified_wire import load_wire
 
 RAMP = Reference.from_samples([0.0, 5.0], [3.0, 5.0])
@@ -52,7 +52,7 @@ def watch(_recorder, _duration_s):
 def test_ticks_that_have_piled_up_are_those_of_their_reference(identified, tmp_path):
     script, wire = StalledScript(), load_wire(identified.wire_file)
     with Rig(load_rig("in-process")) as rig:
-        servo = LoopServo(rig, wire, "servo", script, is_virtual=False)
+        servo = ServoController(rig, wire, "servo", script, is_virtual=False)
         kind, log_file = RunKind.SERVO, tmp_path / "servo.h5"
         drive(log_file, rig, servo, kind, kind.value, wire, servo.watched(watch), servo.stop_requested)
     assert [(end.number, end.error) for end in script.ended] == [(1, None), (2, None)]

@@ -9,8 +9,8 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import drive
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_kind import RunKind
-from smadrive.scripting.loop.servo.loop_servo import LoopServo
-from smadrive.scripting.loop.servo.servo_messages import MoveCommand, StopCommand
+from smadrive.scripting.loop.servo.controller import ServoController
+from smadrive.scripting.loop.servo.messages import MoveCommand, StopCommand
 from smadrive.wire.identified_wire import load_wire
 
 TICKS = 5
@@ -49,7 +49,7 @@ def test_loop_ticks_although_the_next_command_is_always_ready(identified, tmp_pa
     script, wire = HurriedScript(), load_wire(identified.wire_file)
     log_file, kind = tmp_path / "servo.h5", RunKind.SERVO
     with Rig(load_rig("in-process")) as rig:
-        servo = LoopServo(rig, wire, "servo", script, is_virtual=False)
+        servo = ServoController(rig, wire, "servo", script, is_virtual=False)
         drive(log_file, rig, servo, kind, kind.value, wire, servo.watched(recorded), servo.stop_requested)
     assert len(script.ticks) == TICKS
     begun = [event for event in read_log(log_file).events if event.message.startswith("move to")]

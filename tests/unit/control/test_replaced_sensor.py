@@ -11,8 +11,8 @@ from smadrive.control.loop import Tick
 from smadrive.measurement import Measurement
 from smadrive.runs.log.recorder import Recorder
 from smadrive.scripting.loop.messages import RunProgress
+from smadrive.scripting.loop.servo.messages import MoveCommand
 from smadrive.scripting.loop.servo.motions import MoveMotion
-from smadrive.scripting.loop.servo.servo_messages import MoveCommand
 from smadrive.scripting.progress import progress_text
 from smadrive.stream.samples import COLUMNS, row_of
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from smadrive.control.loop import Tick
 from smadrive.errors import MotionError
-from smadrive.scripting.loop.servo.servo_messages import FollowCommand, MotionCommand, MotionEnd, MoveCommand
+from smadrive.scripting.loop.servo.messages import FollowCommand, MotionCommand, MotionEnd, MoveCommand
 
 ROUNDING_S = 1e-6
 """Largest rounding error of a time in a run."""

@@ -1,5 +1,6 @@
 """The loop process notices the end of its script, and an interruption of a request, at any time."""
 
+import signal
 import subprocess
 import sys
 
@@ -32,6 +33,43 @@ def test_end_of_the_script_while_signals_are_held_ends_the_loop_process():
     command = [sys.executable, "-c", ENDS_DURING_A_SWITCHING_OFF]
     done = programs.run(command, stdout=subprocess.PIPE, text=True, check=True)
     assert done.stdout == "ended\n"
+
+
+STOPPED_DURING_A_SWITCHING_OFF = """
+import sys, time
+from smadrive.interrupts import HeldSignals
+from smadrive.scripting.loop import script_link, script_process
+
+script_link.LOOK_S, script_process.STOPPED_S = 0.02, 0.1
+link = script_link.ScriptLink(int(sys.argv[1]))
+link.opening()
+with link.interruptible(), HeldSignals() as held:
+    print("switching off", flush=True)
+    while not held.received:
+        time.sleep(0.02)
+    time.sleep(0.5)
+    print(len(held.received), flush=True)
+"""
+SCRIPT = """
+import pickle, subprocess, sys
+from multiprocessing import Pipe
+from smadrive.scripting.loop.messages import NUMBER_BYTES, REQUEST
+
+script, loop = Pipe()
+script.send_bytes(REQUEST + bytes(NUMBER_BYTES) + pickle.dumps("request"))
+subprocess.run([sys.executable, "-c", sys.argv[1], str(loop.fileno())], pass_fds=[loop.fileno()])
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the state of a process")
+def test_script_that_stays_stopped_interrupts_its_request_once():
+    """Three signals would end the tries to switch off."""
+    command = [sys.executable, "-c", SCRIPT, STOPPED_DURING_A_SWITCHING_OFF]
+    with programs.Program(command, stdout=subprocess.PIPE, text=True) as script:
+        assert script.stdout.readline() == "switching off\n"
+        script.send_signal(signal.SIGSTOP)
+        assert script.stdout.readline() == "1\n"
+        script.send_signal(signal.SIGCONT)
 
 
 INTERRUPTS_A_REQUEST = """

@@ -33,8 +33,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 from smadrive.safety.arming_checks import check_thermocouple
-from smadrive.scripting.loop.servo.motions import FollowMotion, MoveMotion, superseded
-from smadrive.scripting.loop.servo.servo_messages import (
+from smadrive.scripting.loop.servo.messages import (
     FollowCommand,
     MotionCommand,
     MotionEnd,
@@ -45,6 +44,7 @@ from smadrive.scripting.loop.servo.servo_messages import (
     ServoTick,
     StopCommand,
 )
+from smadrive.scripting.loop.servo.motions import FollowMotion, MoveMotion, superseded
 from smadrive.wire.identified_wire import IdentifiedWire
 
 MOST_TICKS = 4096
@@ -69,7 +69,7 @@ class ServoLink(Protocol):
         ...
 
 
-class LoopServo:
+class ServoController:
     """The controller of a servo: it holds the wire, and moves it as the commands of `link` say.
 
     If `wire` has no heat balance, the controller uses the nominal heat balance of the rig. The constructor measures
