@@ -18,8 +18,8 @@ from smadrive.control.loop import LoopMetrics
 from smadrive.display.number_text import quantity
 from smadrive.files.atomic import check_output, unused_record
 from smadrive.files.kinds import LOG
+from smadrive.rig.checks.limits import check_step
 from smadrive.rig.config import load_rig
-from smadrive.rig.config_checks import check_step
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import heat, planned_step_caveats
 from smadrive.runs.log.reader import Log, read_log

@@ -30,15 +30,15 @@ from smadrive.modbus.transports.transport import Transport
 from smadrive.posix import check_posix
 from smadrive.real_time import real_time_scheduling
 from smadrive.rig.assembly import open_devices
+from smadrive.rig.checks.limits import check_excitation_time, check_limits, check_same_wire
+from smadrive.rig.checks.sensing import check_sensing, check_sensor, usable_wire
 from smadrive.rig.config import RigConfig
-from smadrive.rig.config_checks import check_excitation_time, check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, excitation_path, tracking_controller
+from smadrive.rig.last_heat import LastHeat
 from smadrive.rig.plan import plan_rig
-from smadrive.rig.sensing_checks import check_sensing, check_sensor, usable_wire
 from smadrive.rig.supervision import WireChecks, check_rate, supervisor, wire_checks, with_holding_current
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
-from smadrive.safety.temperature_band import Heated
 from smadrive.wire.cold_wire import limit_caveats
 from smadrive.wire.data_sheet import WireDataSheet, load_data_sheet
 from smadrive.wire.health.expected_rest import ExpectedRest
@@ -79,7 +79,6 @@ class Rig:
         correct, limit_c = self._plan.corrections.temperature.corrected, config.limits.temperature_max_c
         self.caveats = *self._plan.caveats, *limit_caveats(correct, self.data_sheet.ambient_c, limit_c)
         self._trace_folder = trace_folder
-        self._heated: Heated | None = None
 
     def __enter__(self) -> Self:
         """Open the ports, check the identity of heat source and sensors, and enter the safe state.
@@ -94,7 +93,8 @@ class Rig:
             self.heater.connect()
             source = self._plan.source
             self._source = replace(source, profile=self.devices[source.name].profile)  # that of the proved model
-            self.latch = TripLatch(opened.key())
+            key = opened.key()
+            self.latch, self._last_heat = TripLatch(key), LastHeat(key, self.clock)
             stack.enter_context(ends_safe(self.heater.enter_safe_state))
             self._on_exit = stack.pop_all()
         return self
@@ -202,7 +202,7 @@ class Rig:
     def check_sensing(
         self, wire: WireModel, displacement_from: DisplacementFrom, temperature_c: float
     ) -> tuple[str, ...]:
-        """Return warnings about the sensors; ConfigError if the rig cannot use this source (sensing_checks.py)."""
+        """Return warnings about the sensors; ConfigError if the rig cannot use this source (checks/sensing.py)."""
         return (*self.caveats, *check_sensing(displacement_from, self._source, wire, temperature_c))
 
     def check_chosen(self, wire: WireModel, chosen: DisplacementFrom, temperature_c: float) -> tuple[str, ...]:
@@ -236,7 +236,7 @@ class Rig:
         record: TickHandler,
         stop_requested: StopRequested = never,
     ) -> LoopMetrics:
-        judge = supervisor(self.config, self.heater, balance, checks, self._heated)
+        judge = supervisor(self.config, self.heater, balance, checks, self._last_heat.read())
         if (latched := self.latch.read()) is not None:
             raise SafetyError("refused to arm: the last run tripped", value=latched, cure=CLEAR)
         heater, clock, period_s = self.heater, self.clock, self.period_s
@@ -246,4 +246,4 @@ class Rig:
             try:
                 return loop.run(self.config.limits.watchdog_s)
             finally:
-                self._heated = judge.heated
+                self._last_heat.keep(judge.heated)

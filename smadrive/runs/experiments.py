@@ -21,7 +21,7 @@ from smadrive.errors import ProtocolError, TransportError
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import TABLE
 from smadrive.identification.excitation import Excitation, check_may_excite
-from smadrive.rig.config_checks import check_step
+from smadrive.rig.checks.limits import check_step
 from smadrive.rig.controllers import step_controller
 from smadrive.rig.ports.board_calibration import board_constants
 from smadrive.rig.rig import Rig

@@ -20,7 +20,7 @@ from smadrive.errors import ConfigError
 from smadrive.hysteresis import TSFuzzyPreisach
 from smadrive.hysteresis.turning_points import MOST_TURNS
 from smadrive.measurement import DisplacementFrom, Measurement
-from smadrive.rig.config_checks import derating_caveats
+from smadrive.rig.checks.limits import derating_caveats
 from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.cycles import Cycling

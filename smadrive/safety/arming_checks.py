@@ -45,7 +45,7 @@ def check_cooled(measurement: Measurement, least_c: float) -> None:
             f"{REFUSED}: {Fault.READS_TOO_COLD.cause}; the last run has heated the wire",
             value=f"{measurement.temperature_c:.1f} °C",
             limit=f"{least_c:.1f} °C",
-            cure=Fault.READS_TOO_COLD.remedy,
+            cure=f"let the wire cool; {Fault.READS_TOO_COLD.remedy}",
         )
 
 

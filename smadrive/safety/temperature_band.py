@@ -112,7 +112,7 @@ class Heated(NamedTuple):
     """The coldest possible wires and the hottest possible wire at the time `time_s`, in s."""
 
     time_s: float
-    coldest: tuple[Shown, ...]
+    coldest: tuple[Shown, Shown, Shown]
     hottest: Shown
 
 
@@ -150,7 +150,8 @@ class TemperatureBand:
         """The possible wires now. Before the start of the run: at the end of the last run, None without one."""
         if self._time_s is None:
             return self._last
-        return Heated(self._time_s, tuple(wire.shown for wire in self._coldest), self._hottest.shown)
+        slow, nominal, quick = (wire.shown for wire in self._coldest)
+        return Heated(self._time_s, (slow, nominal, quick), self._hottest.shown)
 
     def start(self, reading_c: float, time_s: float) -> float:
         """Start with a wire at rest at `reading_c`. Return the least possible reading, °C.

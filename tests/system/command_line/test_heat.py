@@ -13,8 +13,8 @@ import pytest
 
 from smadrive.control.controllers.step import ManualStep
 from smadrive.errors import ConfigError, TripError
+from smadrive.rig.checks.limits import check_step
 from smadrive.rig.config import load_rig
-from smadrive.rig.config_checks import check_step
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import heat
 from smadrive.runs.log.reader import read_log

@@ -11,8 +11,8 @@ from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
+from smadrive.rig.checks.limits import check_same_wire
 from smadrive.rig.config import load_rig
-from smadrive.rig.config_checks import check_same_wire
 from smadrive.rig.rig import Rig
 from smadrive.wire.data_sheet import load_data_sheet
 from smadrive.wire.wire_model import WireModel

@@ -8,9 +8,9 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import DisplacementFrom
+from smadrive.rig.checks.sensing import COARSE, TOO_COARSE, check_sensing, resolution, resolution_error, usable_wire
 from smadrive.rig.config import DeviceConfig
 from smadrive.rig.planned_device import PlannedDevice
-from smadrive.rig.sensing_checks import COARSE, TOO_COARSE, check_sensing, resolution, resolution_error, usable_wire
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
