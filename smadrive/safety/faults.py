@@ -20,7 +20,11 @@ class Fault(Enum):
         "the wire is hotter than temperature_max_c",
         "let it cool; lower the reference or current_max_a",
     )
-    SENSOR_INVALID = (2, "the thermocouple gives no valid reading", "check the bead, the plug and the polarity")
+    SENSOR_INVALID = (
+        2,
+        "the thermocouple gives no valid reading",
+        "check the bead, the plug and the polarity, and the cable and supply of a separate thermometer",
+    )
     STALE_DATA = (
         3,
         "no fresh measurement arrived in time",
