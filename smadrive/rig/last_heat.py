@@ -3,71 +3,131 @@
 A wire whose bead has come off reads the same cold temperature before each run. A script or a loop of commands that
 opens the rig for every pulse of current would heat such a wire further with every pulse, while each supervisor knows
 only its own run. So the possible wires at the end of a run (`Heated`) are written to a file in the user's state folder,
-and the next run begins with them, in whatever process.
+and the next run begins with them, in whatever process. A killed driver writes nothing.
 
-Only exactly the same key of the heat source finds the file: the wire on another one has not been heated by the last
-run. The times are those of the machine's monotonic clock, which all processes share. A time in the future is one before
-a restart of the machine. In virtual time, and without a key (simulated device), the heat is known in this process only.
+The file holds the key of the heat source. A serial line must have all the same names: the link of a pseudo-terminal may
+lead to another simulated device. A network address needs one common name, because a host has several. Times are those
+of the machine's monotonic clock, which all processes share until the machine is started again. In virtual time, and
+without a key (simulated device), the heat is known in this process only.
 """
 
 from __future__ import annotations
 
 import time
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from smadrive.clock import Clock, MonotonicClock
 from smadrive.devices.state.folder import state_dir
-from smadrive.devices.state.key import DeviceKey
+from smadrive.devices.state.key import DeviceKey, Match
 from smadrive.errors import DataError
 from smadrive.files.atomic import replacing
 from smadrive.files.kinds import check_regular
+from smadrive.interrupts import HeldSignals, signals_obeyed_afterwards
 from smadrive.safety.temperature_band import Heated
 
 RECORDS = "heat-*.json"
 KEPT_S = 3600.0
-"""Older records are removed, s. A wire is cold after this time."""
+"""Older records are ignored and removed, s. A wire is cold after this time."""
+BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
+"""A text that Linux chooses at each start of the machine."""
 
-_HEATED = TypeAdapter(Heated)
+
+class _Record(BaseModel):
+    """The content of a file: the heat, the key of its heat source, and the start of the machine."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    names: frozenset[str]
+    unit_id: int | None
+    serial_number: str | None
+    boot_id: str
+    heated: Heated
+
+    def is_of(self, key: DeviceKey, now_s: float) -> bool:
+        """Return True if the last run was on the heat source with this key, before `now_s` on the present clock."""
+        of_record = DeviceKey(self.names, self.unit_id, self.serial_number)
+        is_same_port = of_record.port_match(key) is Match.SAME and (self.names == key.names or _is_network(key))
+        is_same = is_same_port and of_record.serial_match(key) is not Match.DIFFERENT
+        return is_same and self.boot_id == _boot_id() and now_s - KEPT_S < self.heated.time_s <= now_s
 
 
 class LastHeat:
     """The possible wires at the end of the last run on the heat source with this key."""
 
     def __init__(self, key: DeviceKey | None, clock: Clock) -> None:
-        is_shared = key is not None and isinstance(clock, MonotonicClock)
-        self._file = state_dir() / RECORDS.replace("*", key.digest) if key is not None and is_shared else None
-        self._heated = None if self._file is None else _read(self._file, clock.now_s())
+        self._key = key if isinstance(clock, MonotonicClock) else None
+        self._heated = None if self._key is None else _found(self._key, clock.now_s())
 
     def read(self) -> Heated | None:
         """Return the possible wires; None if no run is known."""
         return self._heated
 
+    @contextmanager
+    def kept(self, heated: Callable[[], Heated | None]) -> Iterator[None]:
+        """Keep `heated()` at the end of the `with` block. Signals do not interrupt this.
+
+        An error that ended the block is raised again, and no signal replaces it.
+        """
+        try:
+            yield
+        except BaseException:
+            with HeldSignals():
+                self.keep(heated())
+            raise
+        with signals_obeyed_afterwards():
+            self.keep(heated())
+
     def keep(self, heated: Heated | None) -> None:
-        """Keep the possible wires at the end of a run. Without a file that can be written, this process keeps them."""
+        """Keep the possible wires at the end of a run. If no file can be written, only this process keeps them."""
         self._heated = heated
-        if self._file is None or heated is None:
+        if self._key is None or heated is None:
             return
+        key, file = self._key, state_dir() / RECORDS.replace("*", self._key.digest)
+        record = _Record(
+            names=key.names, unit_id=key.unit_id, serial_number=key.serial_number, boot_id=_boot_id(), heated=heated
+        )
         with suppress(OSError, DataError):
-            self._file.parent.mkdir(parents=True, exist_ok=True)
-            _remove_old(self._file.parent)
-            with replacing(self._file) as partial:
-                partial.write_bytes(_HEATED.dump_json(heated))
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(file) as partial:
+                partial.write_text(record.model_dump_json(), encoding="utf-8")
+        _remove_old()
 
 
-def _read(file: Path, now_s: float) -> Heated | None:
-    """Return the content of the file; None without one, with a time after `now_s`, or if it cannot be read."""
-    try:
-        check_regular(file, DataError)
-        heated = _HEATED.validate_json(file.read_bytes())
-    except (OSError, DataError, ValidationError):
-        return None
-    return heated if heated.time_s <= now_s else None
+def _found(key: DeviceKey, now_s: float) -> Heated | None:
+    """Return the latest heat of the records that apply; None without one. A record that cannot be read is ignored."""
+    found = []
+    for file in _files():
+        with suppress(OSError, DataError, ValidationError):
+            check_regular(file, DataError)
+            record = _Record.model_validate_json(file.read_bytes())
+            if record.is_of(key, now_s):
+                found.append(record.heated)
+    return max(found, key=lambda heated: heated.time_s, default=None)
 
 
-def _remove_old(folder: Path) -> None:
-    for file in folder.glob(RECORDS):
-        if time.time() - file.stat().st_mtime > KEPT_S:
-            file.unlink(missing_ok=True)
+def _remove_old() -> None:
+    for file in _files():
+        with suppress(OSError):
+            if time.time() - file.stat().st_mtime > KEPT_S:
+                file.unlink()
+
+
+def _files() -> list[Path]:
+    with suppress(OSError):
+        return list(state_dir().glob(RECORDS))
+    return []
+
+
+def _is_network(key: DeviceKey) -> bool:
+    return not key.port.startswith("serial:")
+
+
+def _boot_id() -> str:
+    """Return the id of the present start of the machine; "" on a system without one."""
+    with suppress(OSError):
+        return BOOT_ID.read_text(encoding="ascii").strip()
+    return ""

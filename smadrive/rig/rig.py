@@ -243,7 +243,5 @@ class Rig:
         loop = ControlLoop(heater, controller, judge, clock, period_s, record, stop_requested, self.latch.latch)
         with real_time_scheduling() if isinstance(clock, MonotonicClock) else nullcontext():
             check_rate(self.config, heater, clock)
-            try:
+            with self._last_heat.kept(lambda: judge.heated):
                 return loop.run(self.config.limits.watchdog_s)
-            finally:
-                self._last_heat.keep(judge.heated)

@@ -148,9 +148,14 @@ class OpenRig(RigConnection):
     def off(self) -> None:
         """Switch the heater off and confirm it by read-back; raises an error if the heater is not confirmed off.
 
-        A run that another thread has started ends: that thread gets a SafetyError.
+        A servo stops. A run that another thread has started ends: that thread gets a SafetyError. In a callback of the
+        servo, MotionError: the servo stops, and its run switches off.
         """
-        self._call(SwitchOffRequest())
+        self._check_open()
+        try:
+            self._stop_servo()
+        finally:
+            self._client.call(SwitchOffRequest())
 
     def latched_trip(self) -> str | None:
         """Return the trip that keeps the rig from heating, with its cause and remedy; None without one."""
@@ -180,8 +185,8 @@ class OpenRig(RigConnection):
             with rig.servo(wire) as servo:
                 servo.move(4.0).wait()
 
-        Until the servo is stopped, every other method that uses the devices, also `measure` and `off`, raises
-        ConfigError; `close` stops the servo. In virtual time the clock stops when no motion is left, and goes on with
+        Until the servo is stopped, every other method that uses the devices, also `measure`, raises ConfigError; `off`
+        and `close` stop the servo. In virtual time the clock stops when no motion is left, and goes on with
         the next command.
         """
         self._check_free()

@@ -20,7 +20,7 @@ from rich.text import Text
 
 from smadrive.display.card import FONT
 from smadrive.display.number_text import quantity
-from smadrive.scripting.loop.loop_client import Show
+from smadrive.scripting.loop.client.loop_client import Show
 from smadrive.scripting.loop.messages import RunProgress
 
 BAR = 30

@@ -15,7 +15,7 @@ from smadrive.errors import BusyError, ConfigError
 from smadrive.rig.config import RigConfig
 from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
 from smadrive.scripting.callbacks import check_may_wait, is_callback
-from smadrive.scripting.loop.loop_client import LoopClient
+from smadrive.scripting.loop.client.loop_client import LoopClient
 from smadrive.scripting.loop.messages import CloseRequest, OpenedRig, OpenRequest
 from smadrive.scripting.servo import Servo
 
@@ -33,6 +33,7 @@ class RigConnection:
         self.config = config
         self._servo: Servo | None = None
         self._one_close = threading.RLock()
+        self._close_error: BaseException | None = None
         self._client = LoopClient()
         _clients.add(self._client)
         self._finalizer = weakref.finalize(self, self._client.end)
@@ -84,15 +85,23 @@ class RigConnection:
         if is_callback():
             self._stop_servo()
             check_may_wait(f"rig '{self.config.name}'")
+        self._client.check_may_call()
         with self._one_close:
-            if self.is_open:
-                self._close()
+            self._close()
 
     def _close(self) -> None:
+        """Close the rig. If another thread has closed it meanwhile, raise the error of that, or do nothing."""
+        if not self.is_open:
+            if self._close_error is not None:
+                raise self._close_error
+            return
         try:
             self._stop_servo()
             if not self._client.is_end_raised:
                 self._client.call(CloseRequest())
+        except BaseException as error:
+            self._close_error = error
+            raise
         finally:
             self._finalizer()
 

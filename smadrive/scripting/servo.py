@@ -28,7 +28,7 @@ from smadrive.scripting.arguments import (
     travel_limits_mm,
 )
 from smadrive.scripting.callbacks import is_callback, succeeds
-from smadrive.scripting.loop.loop_client import LoopClient
+from smadrive.scripting.loop.client.loop_client import LoopClient
 from smadrive.scripting.loop.messages import DrivenRun, ServoRequest
 from smadrive.scripting.loop.servo.messages import (
     FollowCommand,

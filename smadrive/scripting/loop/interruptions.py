@@ -23,7 +23,6 @@ from enum import Enum, auto
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-from smadrive.errors import SafetyError
 from smadrive.safety.shutdown import carry, shutdown_of
 from smadrive.scripting.loop.messages import Failure, Result
 
@@ -118,17 +117,6 @@ class RequestSignals:
                 self.keep(error)
 
 
-def ended_by_thread() -> SafetyError:
-    """Return the error of a request that another thread has ended."""
-    return SafetyError("another thread has called off() or close()", where="loop process")
-
-
-def outlives_script() -> SafetyError:
-    """Return the error of a request that has ended because the main thread has: nothing can interrupt it any more."""
-    cure = "let the main thread wait until the run has ended, by join() of its thread"
-    return SafetyError("the main thread of the script has ended", where="loop process", cure=cure)
-
-
 def error_to_raise(reply: Result | Failure, signals: RequestSignals) -> BaseException | None:
     """Return the error that a request raises in the script after its reply; None if it raises nothing.
 
@@ -141,12 +129,12 @@ def error_to_raise(reply: Result | Failure, signals: RequestSignals) -> BaseExce
     outcome = None if failed is None else shutdown_of(failed)
     if isinstance(failed, KeyboardInterrupt) and outcome is not None and outcome.confirmed:
         failed.args = (str(outcome),)
-    if signals.error is None:
-        return KeyboardInterrupt(ENDED_BEFORE) if failed is None and signals.count else failed
-    error = signals.error
-    if signals.count and isinstance(error, Exception):
-        error = KeyboardInterrupt(ENDED_BEFORE if outcome is None else str(outcome))
+    error = failed if signals.error is None else signals.error
+    if signals.count and (error is None or isinstance(error, Exception)):
+        error = KeyboardInterrupt(ENDED_BEFORE if failed is None else str(outcome or failed))
         error.__cause__ = signals.error
+    if error is None or error is failed:
+        return error
     if outcome is not None:
         carry(error, outcome)
     if failed is not None and not isinstance(failed, KeyboardInterrupt):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import socket
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -34,7 +34,7 @@ COMMAND     a command for the servo whose request is being carried out
 """
 
 NUMBER_BYTES = 8
-"""In a REQUEST, the number of the request follows the first byte, in this number of bytes."""
+"""In a REQUEST and in an INTERRUPT, the number of the request follows the first byte, in this number of bytes."""
 
 
 @dataclass(frozen=True)
@@ -123,18 +123,10 @@ class CloseRequest:
     """Switch the heater off, confirm it by read-back, close the ports and end the process."""
 
 
-AnyScriptRequest = (
-    MeasureRequest
-    | ExciteRequest
-    | HeatRequest
-    | TrackRequest
-    | DriveRequest
-    | ServoRequest
-    | CoolDownRequest
-    | SwitchOffRequest
-    | LatchRequest
-    | ClearFaultsRequest
-)
+LongRequest = ExciteRequest | HeatRequest | TrackRequest | DriveRequest | ServoRequest | CoolDownRequest
+"""The requests that may take long. Another thread that switches off ends them."""
+
+AnyScriptRequest = LongRequest | MeasureRequest | SwitchOffRequest | LatchRequest | ClearFaultsRequest
 """The requests to an open rig."""
 
 
@@ -192,15 +184,15 @@ class RemoteTracebackError(Exception):
         return f"\n{self._text}"
 
 
-def send_whole(connection: Connection[Any, Any], message: bytes) -> None:
-    """Send a message to the loop process. Signals are held back meanwhile, and obeyed afterwards.
+def send_whole(connection: Connection[Any, Any], message: bytes, lock: AbstractContextManager[Any]) -> None:
+    """Send a message to the loop process under `lock`. Signals are held back meanwhile, and obeyed after the release.
 
     After a part of a message, the loop process takes every later message, even the request to stop, for the rest of
     this one. So an error that cuts the message all the same, such as the `ABORTS_AT`-th signal, also closes the link
     for sending. The loop process then ends its run and itself; its replies still arrive. If the process has ended
     already, nothing is raised.
     """
-    with HeldSignals() as held:
+    with HeldSignals() as held, lock:
         try:
             connection.send_bytes(message)
         except BaseException as error:

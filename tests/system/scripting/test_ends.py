@@ -21,7 +21,7 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.safety.shutdown import CONFIRMED, UNCONFIRMED
-from smadrive.scripting.loop.loop_client import LoopClient
+from smadrive.scripting.loop.client.loop_client import LoopClient
 from smadrive.scripting.loop.script_process import STOPPED_S
 
 RIGS = Path(__file__).parents[3] / "configs" / "rigs"

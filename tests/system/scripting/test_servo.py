@@ -208,6 +208,14 @@ def test_function_that_waits_in_a_callback_gets_an_error_at_once(rig, servo, mon
     assert [one.exc_type for one in shown] == [MotionError]
 
 
+def test_off_stops_a_servo(rig, servo):
+    motion = servo.move(4.0, speed_mm_per_s=0.001)
+    rig.off()
+    assert not servo.is_running
+    assert isinstance(motion.exception(None), MotionError)
+    assert not rig.measure().armed
+
+
 @pytest.mark.parametrize("where", ["callback", "taker"])
 def test_servo_can_be_stopped_in_a_function_that_it_calls(rig, servo, where):
     motion = servo.move(4.0, speed_mm_per_s=0.001 if where == "taker" else None)  # over an hour, but virtual

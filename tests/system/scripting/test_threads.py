@@ -76,22 +76,34 @@ def test_two_threads_close_one_rig():
 
 OUTLIVES = """
 import pathlib, sys, threading, time, smadrive
+from concurrent.futures import ThreadPoolExecutor
 
 def run():
     with smadrive.open_rig("in-process") as rig:
         rig.heat(86_400, current_a=0.2, log="heat.h5")
 
-threading.Thread(target=run).start()
+{start}
 while not pathlib.Path("heat.h5").exists():
     time.sleep(0.01)
 {end}
 """
 
 
-@pytest.mark.parametrize("end", [exhaustive("raise KeyboardInterrupt"), "sys.exit()", exhaustive("pass")])
-def test_run_of_a_thread_ends_with_the_main_thread(tmp_path, end):
-    command = [sys.executable, "-c", OUTLIVES.format(end=end)]
+THREAD, POOL = "threading.Thread(target=run).start()", "ThreadPoolExecutor().submit(run)"
+
+
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [
+        (THREAD, "sys.exit()"),
+        exhaustive(THREAD, "pass"),
+        exhaustive(THREAD, "raise KeyboardInterrupt"),
+        exhaustive(POOL, "raise KeyboardInterrupt"),
+    ],
+)
+def test_run_of_a_thread_ends_with_the_main_thread(tmp_path, start, end):
+    command = [sys.executable, "-c", OUTLIVES.format(start=start, end=end)]
     done = subprocess.run(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
-    assert "SafetyError: loop process: the main thread of the script has ended" in done.stderr
+    assert "SafetyError: loop process: the main thread of the script has ended" in done.stderr or start == POOL
     assert UNCONFIRMED not in done.stderr
     assert_confirmed(read_log(tmp_path / "heat.h5"))

@@ -8,12 +8,13 @@ import pytest
 from smadrive.clock import MonotonicClock, VirtualClock
 from smadrive.devices.state.folder import state_dir
 from smadrive.devices.state.key import DeviceKey
+from smadrive.rig import last_heat
 from smadrive.rig.last_heat import KEPT_S, LastHeat
 from smadrive.safety.bounding_wire import Shown
 from smadrive.safety.temperature_band import Heated
 
 CLOCK = MonotonicClock()
-KEY = DeviceKey(frozenset({"/dev/serial/by-id/usb-1a86"}), 1, "77")
+KEY = DeviceKey(frozenset({"/dev/serial/by-id/usb-1a86"}), 1, "77", port="serial:///dev/ttyUSB0")
 
 
 def heated(time_s=None):
@@ -30,7 +31,8 @@ def test_next_driver_of_the_heat_source_knows_the_heat():
     kept = heated()
     LastHeat(KEY, CLOCK).keep(kept)
     assert LastHeat(KEY, CLOCK).read() == kept
-    for other in (DeviceKey(KEY.names, 2, "77"), DeviceKey(KEY.names, 1, "78"), DeviceKey(frozenset({"tcp://a:1"}), 1)):
+    others = DeviceKey(KEY.names, 2, "77"), DeviceKey(KEY.names, 1, "78"), DeviceKey(frozenset({"tcp://a:1"}), 1, "77")
+    for other in others:
         assert LastHeat(other, CLOCK).read() is None
 
 
@@ -43,9 +45,46 @@ def test_heat_of_a_simulated_device_is_known_in_this_process_only(key, clock):
     assert not state_dir().exists()
 
 
-def test_record_of_the_time_before_a_restart_of_the_machine_is_ignored():
-    LastHeat(KEY, CLOCK).keep(heated(CLOCK.now_s() + 1e6))
+@pytest.mark.parametrize("age_s", [-1e6, 2 * KEPT_S])
+def test_record_of_another_time_is_ignored(age_s):
+    LastHeat(KEY, CLOCK).keep(heated(CLOCK.now_s() - age_s))
     assert LastHeat(KEY, CLOCK).read() is None
+
+
+def test_record_of_the_time_before_a_restart_of_the_machine_is_ignored(monkeypatch, tmp_path):
+    LastHeat(KEY, CLOCK).keep(heated())
+    monkeypatch.setattr(last_heat, "BOOT_ID", tmp_path / "another")
+    (tmp_path / "another").write_text("6f0b2f6e")
+    assert LastHeat(KEY, CLOCK).read() is None
+
+
+def test_network_address_is_found_under_one_of_its_names():
+    kept, names = heated(), ("tcp://bench:502", "tcp://10.0.0.5:502")
+    LastHeat(DeviceKey(frozenset(names), 1, port=names[0]), CLOCK).keep(kept)
+    assert LastHeat(DeviceKey(frozenset(names[1:]), 1, port=names[1]), CLOCK).read() == kept
+
+
+def test_link_to_another_pseudo_terminal_leads_to_another_device():
+    first, second = (
+        DeviceKey(frozenset({"/bench/wire", f"/dev/pts/3 of {time_ns}"}), 1, port="serial:///dev/pts/3")
+        for time_ns in (17, 18)
+    )
+    LastHeat(first, CLOCK).keep(heated())
+    assert LastHeat(second, CLOCK).read() is None
+
+
+def test_latest_of_several_records_counts():
+    early, late = heated(), heated()
+    for names, kept in ((["tcp://a:1", "tcp://b:1"], late), (["tcp://b:1", "tcp://c:1"], early)):
+        LastHeat(DeviceKey(frozenset(names), 1, port=names[0]), CLOCK).keep(kept)
+    assert LastHeat(DeviceKey(frozenset({"tcp://b:1"}), 1, port="tcp://b:1"), CLOCK).read() == late
+
+
+def test_heat_of_a_run_that_failed_is_kept():
+    kept = heated()
+    with pytest.raises(ZeroDivisionError), LastHeat(KEY, CLOCK).kept(lambda: kept):
+        raise ZeroDivisionError
+    assert LastHeat(KEY, CLOCK).read() == kept
 
 
 @pytest.mark.parametrize(
@@ -71,3 +110,11 @@ def test_old_records_are_removed():
     other = DeviceKey(KEY.names, 2)
     LastHeat(other, CLOCK).keep(heated())
     assert record().name == f"heat-{other.digest}.json"
+
+
+def test_old_record_that_cannot_be_removed_prevents_no_new_one():
+    kept, folder, old_s = heated(), state_dir() / "heat-0.json", time.time() - KEPT_S - 60.0
+    folder.mkdir(parents=True)
+    os.utime(folder, (old_s, old_s))
+    LastHeat(KEY, CLOCK).keep(kept)
+    assert LastHeat(KEY, CLOCK).read() == kept

@@ -9,7 +9,7 @@ from multiprocessing import Pipe
 import pytest
 from marks import exhaustive
 
-from smadrive.scripting.loop.loop_client import LoopClient
+from smadrive.scripting.loop.client.loop_client import LoopClient
 from smadrive.scripting.loop.messages import COMMAND, Result
 
 LONG, MANY = 100_000, 200

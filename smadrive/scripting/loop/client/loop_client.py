@@ -5,8 +5,8 @@ interruption is sent to the loop process, which ends the run at zero current. Wh
 KeyboardInterrupt is raised. An exception of a signal handler ends the run in the same way before it is raised. A thread
 receives the messages: a busy script does not delay them, and no interruption can cut a message.
 
-One request is carried out at a time. A request that switches off is the exception: it ends the request of another
-thread. This thread may hang in the display of its progress, so the thread that switches off sends the interruption.
+turns.py tells what happens when several threads of the script use the rig, and main_thread.py, why a long request ends
+with the main thread.
 """
 
 from __future__ import annotations
@@ -14,29 +14,28 @@ from __future__ import annotations
 import pickle
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Callable
 from multiprocessing import Pipe
 from typing import Any
 
-from smadrive.errors import ConfigError, LoopProcessError, StoppedError
+from smadrive.errors import LoopProcessError, StoppedError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.posix import OwningProcess, check_posix
-from smadrive.scripting.callbacks import check_may_wait
-from smadrive.scripting.loop.interruptions import RequestSignals, ended_by_thread, error_to_raise, outlives_script
-from smadrive.scripting.loop.loop_child import ENDS_WITHIN_S, LoopChild
+from smadrive.scripting.loop.client.loop_child import ENDS_WITHIN_S, LoopChild
+from smadrive.scripting.loop.client.main_thread import main_thread_has_ended, outlives_script
+from smadrive.scripting.loop.client.turns import Turns
+from smadrive.scripting.loop.interruptions import RequestSignals, error_to_raise
 from smadrive.scripting.loop.messages import (
     COMMAND,
     END,
     INTERRUPT,
     NUMBER_BYTES,
     REQUEST,
-    CloseRequest,
     Failure,
+    LongRequest,
     RemoteTracebackError,
     Result,
     RunProgress,
-    SwitchOffRequest,
     send_whole,
 )
 from smadrive.scripting.loop.servo.messages import ServoCommand, ServoReport
@@ -67,10 +66,9 @@ class LoopClient:
         self._number = 0
         self._progress: RunProgress | None = None
         self._replies: dict[int, Result | Failure] = {}
-        self._one_call, self._one_message, self._arrived = threading.Lock(), threading.RLock(), threading.Event()
-        self._in_call = threading.local()  # a signal handler runs in the thread that it interrupts
+        self._one_message, self._arrived = threading.RLock(), threading.Event()
+        self._turns = Turns(self._end_request)
         self._endable: RequestSignals | None = None
-        self._ending = 0
         self._is_lost = self.is_end_raised = False
         self._stop: StoppedError | None = None
         self.on_report: Callable[[ServoReport], None] | None = None
@@ -91,7 +89,7 @@ class LoopClient:
     @property
     def is_busy(self) -> bool:
         """True while a request is carried out. The wire may then be heated."""
-        return self._one_call.locked()
+        return self._turns.is_taken
 
     @property
     def ending(self) -> str:
@@ -102,7 +100,7 @@ class LoopClient:
     def call(self, request: Any, show: Show | None = None) -> Any:
         """Send a request. Return its result or raise its error. `show` is called with the progress of a run.
 
-        A request that switches off first ends the request of another thread, which gets a SafetyError.
+        A request that switches off first ends long requests of other threads, which get a SafetyError.
 
         KeyboardInterrupt after an interruption, and any exception of a signal handler of the script or of `show`, once
         the request has ended at zero current. StoppedError if `smadrive off` has stopped the process during this call
@@ -110,19 +108,10 @@ class LoopClient:
         MotionError in a callback of a servo (see callbacks.py). ConfigError in a signal handler during a call.
         """
         self.owner.check()
-        check_may_wait("loop process")
-        if getattr(self._in_call, "is_active", False):
-            what, cure = "a signal handler must not use the rig during a request", "raise an exception in the handler"
-            raise ConfigError(what, where="loop process", cure=cure)
-        self._in_call.is_active = True  # before the lock: a handler that waited for it would wait for ever
-        switches_off = isinstance(request, SwitchOffRequest | CloseRequest)
-        try:
-            with self._others_ended() if switches_off else nullcontext(), self._one_call:
-                with RequestSignals() as signals:
-                    reply = self._carried_out(pickled(request), signals, show, is_endable=not switches_off)
-                error = error_to_raise(reply, signals)
-        finally:
-            self._in_call.is_active = False
+        with self._turns.turn(request):
+            with RequestSignals() as signals:
+                reply = self._carried_out(pickled(request), signals, show, is_endable=isinstance(request, LongRequest))
+            error = error_to_raise(reply, signals)
         if error is not None:
             if isinstance(reply, Failure) and error is reply.error:
                 self.is_end_raised = isinstance(error, StoppedError | LoopProcessError)
@@ -130,6 +119,11 @@ class LoopClient:
             raise error
         assert isinstance(reply, Result)
         return reply.value
+
+    def check_may_call(self) -> None:
+        """Raise the error of `call` if this thread must not wait for a request now."""
+        self.owner.check()
+        self._turns.check_may_wait()
 
     def command(self, servo_id: str, command: ServoCommand) -> None:
         """Send a command to the servo `servo_id`. A command that arrives before the ServoRequest waits for it."""
@@ -147,30 +141,23 @@ class LoopClient:
         if self.owner.is_present:
             self._child.kill()
 
-    @contextmanager
-    def _others_ended(self) -> Iterator[None]:
-        """End the request of another thread now, and each further one, until the end of the `with` block."""
-        with self._one_message:
-            self._ending += 1
-        try:
-            self._end_request(ended_by_thread())
-            yield
-        finally:
-            with self._one_message:
-                self._ending -= 1
-
     def _end_request(self, error: BaseException) -> None:
-        """Interrupt the present request, and let it fail with `error`; not a request that is over or switches off."""
+        """Interrupt the present request if it is long and not over, and let it fail with `error`."""
         with self._one_message:
-            if self._endable is not None and self._number not in self._replies:
-                self._endable.keep(error)
-                self._pass_on(self._endable)
+            signals = None if self._number in self._replies else self._endable
+            if signals is not None:
+                signals.keep(error)
+        if signals is not None:
+            self._pass_on(signals)
 
     def _pass_on(self, signals: RequestSignals) -> None:
-        with self._one_message:  # two threads pass on the same interruption only once
-            while signals.passed_on < signals.interruptions:
-                signals.passed_on += 1
-                self._send(INTERRUPT + self._number.to_bytes(NUMBER_BYTES))
+        """Send the interruptions that were not sent yet. Two threads send the same one only once."""
+        if signals.passed_on < signals.interruptions:
+            with self._one_message:
+                message, count = INTERRUPT + self._number.to_bytes(NUMBER_BYTES), signals.interruptions
+                count, signals.passed_on = count - signals.passed_on, count
+            for _ in range(count):
+                self._send(message)
 
     def _carried_out(
         self, message: bytes, signals: RequestSignals, show: Show | None, *, is_endable: bool
@@ -200,10 +187,7 @@ class LoopClient:
                 return reply
             if is_lost:
                 return Failure(self._death(), "")
-            if self._ending:
-                self._end_request(ended_by_thread())
-            elif not threading.main_thread().is_alive():
-                self._end_request(outlives_script())
+            self._look_at_main_thread()
             self._pass_on(signals)
             if signals.passed_on >= ABORTS_AT:
                 give_up_s = min(give_up_s, time.monotonic() + OBEYS_WITHIN_S)
@@ -216,6 +200,10 @@ class LoopClient:
             if self._progress is not None and show is not None:
                 show(self._progress)
 
+    def _look_at_main_thread(self) -> None:
+        if main_thread_has_ended():
+            self._end_request(outlives_script())
+
     def _death(self) -> BaseException:
         """Return the error that tells why the process has ended."""
         error = self._child.error()
@@ -223,8 +211,7 @@ class LoopClient:
 
     def _send(self, message: bytes) -> None:
         """Send a message under a lock: a long message takes several writes, and no other thread may write between."""
-        with self._one_message:
-            send_whole(self._connection, message)
+        send_whole(self._connection, message, self._one_message)
 
     def _listen(self) -> None:
         try:
@@ -232,6 +219,7 @@ class LoopClient:
                 number, message = pickle.loads(self._connection.recv_bytes())  # noqa: S301 (of the same user)
                 if isinstance(message, RunProgress):
                     self._progress = message
+                    self._look_at_main_thread()  # the thread of the request may hang in its display
                 elif isinstance(message, ServoReport):
                     if self.on_report is not None:
                         self.on_report(message)

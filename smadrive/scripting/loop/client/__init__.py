@@ -1,0 +1,1 @@
+"""The script's end of the link to its loop process."""

@@ -1,0 +1,77 @@
+"""The turns of the threads of a script: one request is carried out at a time.
+
+A request that switches off ends a long request of another thread, and lets none begin that has waited. The other thread
+may hang in the display of its progress, so the thread that switches off sends the interruption.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import Any
+
+from smadrive.errors import ConfigError, SafetyError
+from smadrive.scripting.callbacks import check_may_wait
+from smadrive.scripting.loop.messages import CloseRequest, LongRequest, SwitchOffRequest
+
+
+class Turns:
+    """Gives one thread at a time its turn. `end_request` interrupts the long request of the present turn."""
+
+    def __init__(self, end_request: Callable[[BaseException], None]) -> None:
+        self._end_request = end_request
+        self._one_turn, self._one_count = threading.Lock(), threading.Lock()
+        self._begun_offs, self._active_offs = 0, 0
+        self._in_turn = threading.local()  # a signal handler runs in the thread that it interrupts
+
+    @property
+    def is_taken(self) -> bool:
+        """True during the turn of a thread."""
+        return self._one_turn.locked()
+
+    def check_may_wait(self) -> None:
+        """Raise an error if this thread must not wait for a turn now.
+
+        MotionError in a callback of a servo (see callbacks.py). ConfigError in a signal handler during a turn.
+        """
+        check_may_wait("loop process")
+        if getattr(self._in_turn, "is_active", False):
+            what, cure = "a signal handler must not use the rig during a request", "raise an exception in the handler"
+            raise ConfigError(what, where="loop process", cure=cure)
+
+    @contextmanager
+    def turn(self, request: Any) -> Iterator[None]:
+        """Wait for the turn of this thread, in which it carries out `request`.
+
+        SafetyError if another thread switches off: a long request that waits behind this must not heat the wire again.
+        """
+        self.check_may_wait()
+        switches_off, is_long = isinstance(request, SwitchOffRequest | CloseRequest), isinstance(request, LongRequest)
+        self._in_turn.is_active = True  # before the lock: a handler that waited for it would wait for ever
+        try:
+            begun_offs, is_refused = self._begun_offs, self._active_offs > 0
+            with self._others_ended() if switches_off else nullcontext(), self._one_turn:
+                if is_long and (is_refused or self._begun_offs != begun_offs):
+                    raise ended_by_thread()
+                yield
+        finally:
+            self._in_turn.is_active = False
+
+    @contextmanager
+    def _others_ended(self) -> Iterator[None]:
+        with self._one_count:
+            self._begun_offs += 1
+            self._active_offs += 1
+        try:
+            self._end_request(ended_by_thread())
+            yield
+        finally:
+            with self._one_count:
+                self._active_offs -= 1
+
+
+def ended_by_thread() -> SafetyError:
+    """Return the error of a request that another thread has ended."""
+    what, cure = "another thread has called off() or close()", "run the wire again if this was not meant"
+    return SafetyError(what, where="loop process", cure=cure)
