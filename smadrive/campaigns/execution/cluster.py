@@ -48,6 +48,7 @@ SETTINGS = {
         "DASK_LOGGING__DISTRIBUTED": "critical",
     },
     "distributed.worker.profile.enabled": False,  # a worker would keep two trees of call stacks for each second
+    "distributed.admin.tick.interval": "1s",  # 50 looks a second at the event loops would take 3 % of a core
     "distributed.worker.preload": ["smadrive.campaigns.execution.cluster"],
 }
 """Settings of a local cluster. The environment is set before a worker imports numpy and dask."""
