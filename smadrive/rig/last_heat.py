@@ -5,10 +5,10 @@ opens the rig for every pulse of current would heat such a wire further with eve
 only its own run. So the possible wires at the end of a run (`Heated`) are written to a file in the user's state folder,
 and the next run begins with them, in whatever process. A killed driver writes nothing.
 
-The file holds the key of the heat source. A serial line must have all the same names: the link of a pseudo-terminal may
-lead to another simulated device. A network address needs one common name, because a host has several. Times are those
-of the machine's monotonic clock, which all processes share until the machine is started again. In virtual time, and
-without a key (simulated device), the heat is known in this process only.
+The file holds the key of the heat source. One common name of the port shows that it is the same one, but a link to a
+pseudo-terminal may lead to another simulated device: then all names must be the same. Times are those of the machine's
+monotonic clock, which all processes share until the machine is started again. In virtual time, and without a key
+(simulated device), the heat is known in this process only.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from smadrive.errors import DataError
 from smadrive.files.atomic import replacing
 from smadrive.files.kinds import check_regular
 from smadrive.interrupts import HeldSignals, signals_obeyed_afterwards
+from smadrive.modbus.transports.pseudo_terminal import TERMINALS
 from smadrive.safety.temperature_band import Heated
 
 RECORDS = "heat-*.json"
@@ -50,7 +51,8 @@ class _Record(BaseModel):
     def is_of(self, key: DeviceKey, now_s: float) -> bool:
         """Return True if the last run was on the heat source with this key, before `now_s` on the present clock."""
         of_record = DeviceKey(self.names, self.unit_id, self.serial_number)
-        is_same_port = of_record.port_match(key) is Match.SAME and (self.names == key.names or _is_network(key))
+        is_terminal = any(name.startswith(TERMINALS) for name in self.names | key.names)
+        is_same_port = of_record.port_match(key) is Match.SAME and (self.names == key.names or not is_terminal)
         is_same = is_same_port and of_record.serial_match(key) is not Match.DIFFERENT
         return is_same and self.boot_id == _boot_id() and now_s - KEPT_S < self.heated.time_s <= now_s
 
@@ -120,10 +122,6 @@ def _files() -> list[Path]:
     with suppress(OSError):
         return list(state_dir().glob(RECORDS))
     return []
-
-
-def _is_network(key: DeviceKey) -> bool:
-    return not key.port.startswith("serial:")
 
 
 def _boot_id() -> str:

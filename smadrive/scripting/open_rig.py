@@ -39,7 +39,7 @@ from smadrive.scripting.loop.messages import (
 )
 from smadrive.scripting.loop.own_controller import check_controller
 from smadrive.scripting.progress import shown_progress
-from smadrive.scripting.rig_connection import RigConnection
+from smadrive.scripting.rig_connection import RigConnection, switch_off_after
 from smadrive.scripting.run import Run
 from smadrive.scripting.servo import Servo
 
@@ -148,14 +148,22 @@ class OpenRig(RigConnection):
     def off(self) -> None:
         """Switch the heater off and confirm it by read-back; raises an error if the heater is not confirmed off.
 
-        A servo stops. A run that another thread has started ends: that thread gets a SafetyError. In a callback of the
-        servo, MotionError: the servo stops, and its run switches off.
+        A servo stops; if its run has an error, this is raised once the heater is off. A run that another thread has
+        started ends: that thread gets a SafetyError. In a callback of the servo, MotionError: the servo stops, and its
+        run switches off.
         """
         self._check_open()
-        try:
-            self._stop_servo()
-        finally:
-            self._client.call(SwitchOffRequest())
+        self._check_may_switch_off()
+        with self._client.others_ended():
+            try:
+                self._stop_servo()
+            except BaseException as error:
+                switch_off_after(error, self._switch_off)
+                raise
+            self._switch_off()
+
+    def _switch_off(self) -> None:
+        self._client.call(SwitchOffRequest())
 
     def latched_trip(self) -> str | None:
         """Return the trip that keeps the rig from heating, with its cause and remedy; None without one."""

@@ -5,16 +5,17 @@ from __future__ import annotations
 import sys
 import threading
 import weakref
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
 from smadrive.display.ascii_text import ascii_text
 from smadrive.display.card import card
-from smadrive.errors import BusyError, ConfigError
+from smadrive.errors import BusyError, ConfigError, SafetyError
 from smadrive.rig.config import RigConfig
 from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
-from smadrive.scripting.callbacks import check_may_wait, is_callback
+from smadrive.scripting.callbacks import is_callback
 from smadrive.scripting.loop.client.loop_client import LoopClient
 from smadrive.scripting.loop.messages import CloseRequest, OpenedRig, OpenRequest
 from smadrive.scripting.servo import Servo
@@ -33,7 +34,8 @@ class RigConnection:
         self.config = config
         self._servo: Servo | None = None
         self._one_close = threading.RLock()
-        self._close_error: BaseException | None = None
+        self._is_closed = False
+        self._close_error: Exception | None = None
         self._client = LoopClient()
         _clients.add(self._client)
         self._finalizer = weakref.finalize(self, self._client.end)
@@ -79,31 +81,36 @@ class RigConnection:
         and no call has raised this error before. In a callback of the servo, MotionError: the servo stops, and the rig
         stays open. ConfigError in a forked child.
         """
-        if not self.is_open:
+        if self._is_closed:
             return
-        self._client.owner.check()
-        if is_callback():
-            self._stop_servo()
-            check_may_wait(f"rig '{self.config.name}'")
-        self._client.check_may_call()
+        self._check_may_switch_off()
         with self._one_close:
             self._close()
 
+    def _check_may_switch_off(self) -> None:
+        """Raise an error if this thread must not wait until the heater is off. In a callback, the servo stops first."""
+        self._client.owner.check()
+        if is_callback():
+            self._stop_servo()
+        self._client.check_may_call()
+
     def _close(self) -> None:
         """Close the rig. If another thread has closed it meanwhile, raise the error of that, or do nothing."""
+        if self._close_error is not None:
+            raise self._close_error
         if not self.is_open:
-            if self._close_error is not None:
-                raise self._close_error
             return
         try:
-            self._stop_servo()
-            if not self._client.is_end_raised:
-                self._client.call(CloseRequest())
+            with self._client.others_ended():
+                self._stop_servo()
+                if not self._client.is_end_raised:
+                    self._client.call(CloseRequest())
         except BaseException as error:
-            self._close_error = error
+            self._close_error = _for_others(error)
             raise
         finally:
             self._finalizer()
+            self._is_closed = True
 
     def _stop_servo(self) -> None:
         if self._servo is not None and self._servo.is_running:
@@ -111,10 +118,7 @@ class RigConnection:
 
     def _stop_servo_after(self, error: BaseException) -> None:
         """Stop a running servo. If this fails, the failure becomes a note of `error`, which the caller raises."""
-        try:
-            self._stop_servo()
-        except Exception as failure:  # noqa: BLE001 (the caller raises `error`)
-            carry(error, shutdown_of(failure) or ShutdownOutcome(failure))
+        switch_off_after(error, self._stop_servo)
 
     def _call(self, request: Any) -> Any:
         self._check_free()
@@ -162,6 +166,23 @@ class RigConnection:
 
     def _repr_html_(self) -> str:
         return card(f"Rig: {self.config.name}", self.facts())
+
+
+def switch_off_after(error: BaseException, switch_off: Callable[[], None]) -> None:
+    """Call `switch_off` after `error`, which the caller raises. A failure becomes a note of `error`."""
+    try:
+        switch_off()
+    except Exception as failure:  # noqa: BLE001 (the caller raises `error`)
+        carry(error, shutdown_of(failure) or ShutdownOutcome(failure))
+
+
+def _for_others(error: BaseException) -> Exception:
+    """Return the error for the other threads that wait for the end of this rig: not an interruption of this one."""
+    if isinstance(error, Exception):
+        return error
+    ended = SafetyError("another thread was interrupted while it closed the rig", where="loop process")
+    carry(ended, shutdown_of(error) or ShutdownOutcome(error))
+    return ended
 
 
 def _busy(where: str) -> BusyError:

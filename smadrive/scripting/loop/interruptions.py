@@ -49,12 +49,12 @@ class RequestSignals:
 
     SIGINT is counted in `count`. Every other handler is called as usual, but the exception that it raises is kept in
     `error`, to be raised after the request has ended. `passed_on` is the number of interruptions that were sent to the
-    loop process. An ignored SIGINT stays ignored. Outside the main thread nothing changes, because signals arrive in
-    the main thread only.
+    loop process for the request `number`. An ignored SIGINT stays ignored. Outside the main thread nothing changes,
+    because signals arrive in the main thread only.
     """
 
     def __init__(self) -> None:
-        self.count, self.passed_on = 0, 0
+        self.count, self.passed_on, self.number = 0, 0, 0
         self.error: BaseException | None = None
         self._handlers: dict[int, Any] = {}
         self._is_active = False

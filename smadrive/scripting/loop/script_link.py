@@ -209,7 +209,7 @@ class ScriptLink:
 
     def _interrupt_request(self, number: int) -> None:
         """Interrupt the request `number`, now or as soon as it begins."""
-        self._interrupted_number = number
+        self._interrupted_number = max(self._interrupted_number, number)
         if number == self._number:
             signal.pthread_kill(self._loop_thread, signal.SIGINT)
 

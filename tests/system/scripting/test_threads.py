@@ -5,6 +5,7 @@ import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 from marks import exhaustive
@@ -36,8 +37,10 @@ def test_another_thread_ends_a_run_and_those_that_wait_behind_it(tmp_path, act):
         runs = [pool.submit(rig.heat, DAY_S, current_a=0.2, log=tmp_path / f"{name}.h5") for name in "abc"]
         wait_for(lambda: any(tmp_path.glob("*.h5")))
         getattr(rig, act)()
-        ends = [type(run.exception()) for run in runs]
         assert rig.is_open == (act == "off")
+        while act == "off" and not all(run.done() for run in runs):  # one may not have begun yet
+            rig.off()
+        ends = [type(run.exception()) for run in runs]
     assert set(ends) == {SafetyError} if act == "off" else SafetyError in ends
     for log in tmp_path.glob("*.h5"):
         assert_confirmed(read_log(log))
@@ -63,6 +66,42 @@ def test_run_whose_thread_does_not_go_on_is_ended_by_another_one(tmp_path):
         assert isinstance(run.exception(), SafetyError)
         assert off.exception() is None
     assert_confirmed(read_log(tmp_path / "heat.h5"))
+
+
+@pytest.mark.exhaustive
+def test_request_that_is_not_sent_yet_is_ended(tmp_path):
+    pickles, goes_on = threading.Event(), threading.Event()
+
+    class SlowPath(type(Path())):
+        def __reduce__(self):
+            pickles.set()
+            goes_on.wait()
+            return Path, (str(self),)
+
+    with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
+        request = HeatRequest(SlowPath(tmp_path / "heat.h5"), ManualStep(0.2, None, DAY_S))
+        run = pool.submit(rig._client.call, request)
+        pickles.wait()
+        off = pool.submit(rig.off)
+        wait_for(lambda: rig._client._turns.is_switching_off)
+        goes_on.set()
+        assert isinstance(run.exception(), SafetyError)
+        assert off.exception() is None
+
+
+@pytest.mark.exhaustive
+def test_servo_that_waits_for_a_run_does_not_keep_off_waiting(tmp_path, identified):
+    wire = smadrive.load_wire(identified.wire_file)
+    with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
+        run = pool.submit(rig.heat, DAY_S, current_a=0.2, log=tmp_path / "heat.h5")
+        wait_for((tmp_path / "heat.h5").exists)
+        servo = rig.servo(wire, tmp_path / "servo.h5")
+        with pytest.raises(SafetyError):
+            rig.off()
+        assert isinstance(run.exception(), SafetyError)
+        assert isinstance(servo.error, SafetyError)
+        assert not (tmp_path / "servo.h5").exists()
+        assert not rig.measure().armed
 
 
 def test_two_threads_close_one_rig():

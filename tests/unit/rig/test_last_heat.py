@@ -58,10 +58,11 @@ def test_record_of_the_time_before_a_restart_of_the_machine_is_ignored(monkeypat
     assert LastHeat(KEY, CLOCK).read() is None
 
 
-def test_network_address_is_found_under_one_of_its_names():
-    kept, names = heated(), ("tcp://bench:502", "tcp://10.0.0.5:502")
-    LastHeat(DeviceKey(frozenset(names), 1, port=names[0]), CLOCK).keep(kept)
-    assert LastHeat(DeviceKey(frozenset(names[1:]), 1, port=names[1]), CLOCK).read() == kept
+@pytest.mark.parametrize("names", [("tcp://bench:502", "tcp://10.0.0.5:502"), ("/dev/wire", "usb 1-2")])
+def test_port_is_found_under_one_of_its_names(names):
+    kept = heated()
+    LastHeat(DeviceKey(frozenset(names), 1), CLOCK).keep(kept)
+    assert LastHeat(DeviceKey(frozenset(names[1:]), 1), CLOCK).read() == kept
 
 
 def test_link_to_another_pseudo_terminal_leads_to_another_device():

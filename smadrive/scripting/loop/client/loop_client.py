@@ -15,6 +15,7 @@ import pickle
 import threading
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from multiprocessing import Pipe
 from typing import Any
 
@@ -23,7 +24,7 @@ from smadrive.interrupts import ABORTS_AT
 from smadrive.posix import OwningProcess, check_posix
 from smadrive.scripting.loop.client.loop_child import ENDS_WITHIN_S, LoopChild
 from smadrive.scripting.loop.client.main_thread import main_thread_has_ended, outlives_script
-from smadrive.scripting.loop.client.turns import Turns
+from smadrive.scripting.loop.client.turns import Turns, ended_by_thread
 from smadrive.scripting.loop.interruptions import RequestSignals, error_to_raise
 from smadrive.scripting.loop.messages import (
     COMMAND,
@@ -36,6 +37,7 @@ from smadrive.scripting.loop.messages import (
     RemoteTracebackError,
     Result,
     RunProgress,
+    ServoRequest,
     send_whole,
 )
 from smadrive.scripting.loop.servo.messages import ServoCommand, ServoReport
@@ -67,8 +69,9 @@ class LoopClient:
         self._progress: RunProgress | None = None
         self._replies: dict[int, Result | Failure] = {}
         self._one_message, self._arrived = threading.RLock(), threading.Event()
-        self._turns = Turns(self._end_request)
-        self._endable: RequestSignals | None = None
+        self._turns = Turns(self._end_run)
+        self._request: Any = None
+        self._signals = RequestSignals()
         self._is_lost = self.is_end_raised = False
         self._stop: StoppedError | None = None
         self.on_report: Callable[[ServoReport], None] | None = None
@@ -110,7 +113,7 @@ class LoopClient:
         self.owner.check()
         with self._turns.turn(request):
             with RequestSignals() as signals:
-                reply = self._carried_out(pickled(request), signals, show, is_endable=isinstance(request, LongRequest))
+                reply = self._carried_out(request, signals, show)
             error = error_to_raise(reply, signals)
         if error is not None:
             if isinstance(reply, Failure) and error is reply.error:
@@ -141,10 +144,20 @@ class LoopClient:
         if self.owner.is_present:
             self._child.kill()
 
+    def others_ended(self) -> AbstractContextManager[None]:
+        """Return the context manager that ends the long requests of other threads; see `Turns.others_ended`."""
+        return self._turns.others_ended()
+
+    def _end_run(self, error: BaseException) -> None:
+        """Interrupt the present request if it is long, not over, and not that of a servo; let it fail with `error`."""
+        if not isinstance(self._request, ServoRequest):
+            self._end_request(error)
+
     def _end_request(self, error: BaseException) -> None:
         """Interrupt the present request if it is long and not over, and let it fail with `error`."""
         with self._one_message:
-            signals = None if self._number in self._replies else self._endable
+            is_long = isinstance(self._request, LongRequest) and self._number not in self._replies
+            signals = self._signals if is_long else None
             if signals is not None:
                 signals.keep(error)
         if signals is not None:
@@ -154,19 +167,20 @@ class LoopClient:
         """Send the interruptions that were not sent yet. Two threads send the same one only once."""
         if signals.passed_on < signals.interruptions:
             with self._one_message:
-                message, count = INTERRUPT + self._number.to_bytes(NUMBER_BYTES), signals.interruptions
-                count, signals.passed_on = count - signals.passed_on, count
+                count = signals.interruptions - signals.passed_on
+                signals.passed_on += count
             for _ in range(count):
-                self._send(message)
+                self._send(INTERRUPT + signals.number.to_bytes(NUMBER_BYTES))
 
-    def _carried_out(
-        self, message: bytes, signals: RequestSignals, show: Show | None, *, is_endable: bool
-    ) -> Result | Failure:
-        """Send a pickled request and return its reply. An error in this method is kept in `signals`."""
+    def _carried_out(self, request: Any, signals: RequestSignals, show: Show | None) -> Result | Failure:
+        """Send a request and return its reply. An error of the sending or of `show` is kept in `signals`."""
+        message = pickled(request)
         with self._one_message:
             self._number += 1
             self._replies.clear()
-            self._endable = signals if is_endable else None
+            self._request, self._signals, signals.number = request, signals, self._number
+        if self._turns.is_switching_off:  # since the beginning of this turn
+            self._end_run(ended_by_thread())
         self._progress, is_sent = None, False
         try:
             self._send(REQUEST + self._number.to_bytes(NUMBER_BYTES) + message)

@@ -1,13 +1,14 @@
 """The end of the main thread, also while a pool of threads keeps the script alive.
 
 Only the main thread gets Ctrl-C and the signals of the script, so no run of another thread may go on after its end. The
-interpreter waits for the threads of pools (`concurrent.futures`, `asyncio.to_thread`) before it marks the main thread
-as ended. So a hook that is private to CPython notes the end before that. Hooks are called in reverse order: that of the
-pools, which the import below registers, is called after this one.
+interpreter waits for the pools of `concurrent.futures` before it marks the main thread as ended. So a hook that is
+private to CPython notes the end before that. Hooks are called in reverse order: those of the pools, which the imports
+below register, are called after this one.
 """
 
 from __future__ import annotations
 
+import concurrent.futures.process
 import concurrent.futures.thread  # noqa: F401
 import threading
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager, nullcontext
 from typing import Any
 
 from smadrive.errors import ConfigError, SafetyError
+from smadrive.interrupts import signals_obeyed_afterwards
 from smadrive.scripting.callbacks import check_may_wait
 from smadrive.scripting.loop.messages import CloseRequest, LongRequest, SwitchOffRequest
 
@@ -29,6 +30,11 @@ class Turns:
     def is_taken(self) -> bool:
         """True during the turn of a thread."""
         return self._one_turn.locked()
+
+    @property
+    def is_switching_off(self) -> bool:
+        """True while a thread switches off, or waits for its turn to do so."""
+        return self._active_offs > 0
 
     def check_may_wait(self) -> None:
         """Raise an error if this thread must not wait for a turn now.
@@ -50,8 +56,8 @@ class Turns:
         switches_off, is_long = isinstance(request, SwitchOffRequest | CloseRequest), isinstance(request, LongRequest)
         self._in_turn.is_active = True  # before the lock: a handler that waited for it would wait for ever
         try:
-            begun_offs, is_refused = self._begun_offs, self._active_offs > 0
-            with self._others_ended() if switches_off else nullcontext(), self._one_turn:
+            begun_offs, is_refused = self._begun_offs, self.is_switching_off
+            with self.others_ended() if switches_off else nullcontext(), self._one_turn:
                 if is_long and (is_refused or self._begun_offs != begun_offs):
                     raise ended_by_thread()
                 yield
@@ -59,16 +65,21 @@ class Turns:
             self._in_turn.is_active = False
 
     @contextmanager
-    def _others_ended(self) -> Iterator[None]:
-        with self._one_count:
-            self._begun_offs += 1
-            self._active_offs += 1
+    def others_ended(self) -> Iterator[None]:
+        """End the long request of the present turn, and let none begin until the end of the `with` block.
+
+        The request of a servo does not end: its own command stops it.
+        """
+        is_counted = False
         try:
+            with signals_obeyed_afterwards(), self._one_count:
+                self._begun_offs, self._active_offs, is_counted = self._begun_offs + 1, self._active_offs + 1, True
             self._end_request(ended_by_thread())
             yield
         finally:
-            with self._one_count:
-                self._active_offs -= 1
+            if is_counted:
+                with signals_obeyed_afterwards(), self._one_count:
+                    self._active_offs -= 1
 
 
 def ended_by_thread() -> SafetyError:
