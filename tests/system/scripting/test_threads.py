@@ -31,7 +31,7 @@ def assert_confirmed(log):
     assert not any("NOT" in event.message for event in log.events), log.events
 
 
-@pytest.mark.parametrize("act", ["off", "close"])
+@pytest.mark.parametrize("act", ["off", exhaustive("close")])
 def test_another_thread_ends_a_run_and_those_that_wait_behind_it(tmp_path, act):
     with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
         runs = [pool.submit(rig.heat, DAY_S, current_a=0.2, log=tmp_path / f"{name}.h5") for name in "abc"]
