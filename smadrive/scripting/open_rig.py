@@ -154,7 +154,7 @@ class OpenRig(RigConnection):
         """
         self._check_open()
         self._check_may_switch_off()
-        with self._client.others_ended():
+        with self._client.turns.others_ended():
             try:
                 self._stop_servo()
             except BaseException as error:

@@ -101,7 +101,7 @@ class RigConnection:
         if not self.is_open:
             return
         try:
-            with self._client.others_ended():
+            with self._client.turns.others_ended():
                 self._stop_servo()
                 if not self._client.is_end_raised:
                     self._client.call(CloseRequest())

@@ -83,7 +83,7 @@ def test_request_that_is_not_sent_yet_is_ended(tmp_path):
         run = pool.submit(rig._client.call, request)
         pickles.wait()
         off = pool.submit(rig.off)
-        wait_for(lambda: rig._client._turns.is_switching_off)
+        wait_for(lambda: rig._client.turns.is_switching_off)
         goes_on.set()
         assert isinstance(run.exception(), SafetyError)
         assert off.exception() is None

@@ -15,7 +15,6 @@ import pickle
 import threading
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from multiprocessing import Pipe
 from typing import Any
 
@@ -58,7 +57,8 @@ class LoopClient:
 
     Only the process that created this object may use it. In a forked child `call` and `command` raise ConfigError, and
     `end` and `kill` have no effect. `is_end_raised` is True after `call` has raised the error that the process died or
-    was stopped. `on_report` is called in another thread with each report of a servo.
+    was stopped. `turns` ends the requests of other threads. `on_report` is called in another thread with each report of
+    a servo.
     """
 
     def __init__(self) -> None:
@@ -69,7 +69,7 @@ class LoopClient:
         self._progress: RunProgress | None = None
         self._replies: dict[int, Result | Failure] = {}
         self._one_message, self._arrived = threading.RLock(), threading.Event()
-        self._turns = Turns(self._end_run)
+        self.turns = Turns(self._end_run)
         self._request: Any = None
         self._signals = RequestSignals()
         self._is_lost = self.is_end_raised = False
@@ -92,7 +92,7 @@ class LoopClient:
     @property
     def is_busy(self) -> bool:
         """True while a request is carried out. The wire may then be heated."""
-        return self._turns.is_taken
+        return self.turns.is_taken
 
     @property
     def ending(self) -> str:
@@ -103,15 +103,13 @@ class LoopClient:
     def call(self, request: Any, show: Show | None = None) -> Any:
         """Send a request. Return its result or raise its error. `show` is called with the progress of a run.
 
-        A request that switches off first ends long requests of other threads, which get a SafetyError.
-
         KeyboardInterrupt after an interruption, and any exception of a signal handler of the script or of `show`, once
         the request has ended at zero current. StoppedError if `smadrive off` has stopped the process during this call
         or before it. LoopProcessError if the process has died. ControllerError if a controller cannot be pickled.
         MotionError in a callback of a servo (see callbacks.py). ConfigError in a signal handler during a call.
         """
         self.owner.check()
-        with self._turns.turn(request):
+        with self.turns.turn(request):
             with RequestSignals() as signals:
                 reply = self._carried_out(request, signals, show)
             error = error_to_raise(reply, signals)
@@ -126,7 +124,7 @@ class LoopClient:
     def check_may_call(self) -> None:
         """Raise the error of `call` if this thread must not wait for a request now."""
         self.owner.check()
-        self._turns.check_may_wait()
+        self.turns.check_may_wait()
 
     def command(self, servo_id: str, command: ServoCommand) -> None:
         """Send a command to the servo `servo_id`. A command that arrives before the ServoRequest waits for it."""
@@ -143,10 +141,6 @@ class LoopClient:
         """Kill the process. The watchdog of the device or the guardian then switches the heater off."""
         if self.owner.is_present:
             self._child.kill()
-
-    def others_ended(self) -> AbstractContextManager[None]:
-        """Return the context manager that ends the long requests of other threads; see `Turns.others_ended`."""
-        return self._turns.others_ended()
 
     def _end_run(self, error: BaseException) -> None:
         """Interrupt the present request if it is long, not over, and not that of a servo; let it fail with `error`."""
@@ -179,7 +173,7 @@ class LoopClient:
             self._number += 1
             self._replies.clear()
             self._request, self._signals, signals.number = request, signals, self._number
-        if self._turns.is_switching_off:  # since the beginning of this turn
+        if self.turns.is_switching_off:  # since the beginning of this turn
             self._end_run(ended_by_thread())
         self._progress, is_sent = None, False
         try:

@@ -1,6 +1,6 @@
 """The turns of the threads of a script: one request is carried out at a time.
 
-A request that switches off ends a long request of another thread, and lets none begin that has waited. The other thread
+A thread that switches off ends the long request of another thread, and lets none begin that has waited. The other one
 may hang in the display of its progress, so the thread that switches off sends the interruption.
 """
 
@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from typing import Any
 
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.interrupts import signals_obeyed_afterwards
 from smadrive.scripting.callbacks import check_may_wait
-from smadrive.scripting.loop.messages import CloseRequest, LongRequest, SwitchOffRequest
+from smadrive.scripting.loop.messages import LongRequest
 
 
 class Turns:
@@ -53,12 +53,11 @@ class Turns:
         SafetyError if another thread switches off: a long request that waits behind this must not heat the wire again.
         """
         self.check_may_wait()
-        switches_off, is_long = isinstance(request, SwitchOffRequest | CloseRequest), isinstance(request, LongRequest)
         self._in_turn.is_active = True  # before the lock: a handler that waited for it would wait for ever
         try:
             begun_offs, is_refused = self._begun_offs, self.is_switching_off
-            with self.others_ended() if switches_off else nullcontext(), self._one_turn:
-                if is_long and (is_refused or self._begun_offs != begun_offs):
+            with self._one_turn:
+                if isinstance(request, LongRequest) and (is_refused or self._begun_offs != begun_offs):
                     raise ended_by_thread()
                 yield
         finally:
