@@ -153,7 +153,7 @@ def _logged(client: Client, plan: CampaignPlan, numbers: list[int]) -> Iterator[
 
     futures = [client.submit(with_versions, versions(), logged_run, plan.run(number), pure=False) for number in numbers]
     by_key = {future.key: number for number, future in zip(numbers, futures, strict=True)}
-    completed = as_completed(futures)
+    completed = as_completed(futures, loop=client.loop)
     del futures
     for future in completed:
         yield by_key[future.key], future

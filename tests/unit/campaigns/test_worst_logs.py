@@ -18,7 +18,7 @@ AXIS = '[[vary]]\nmodel = ["wire.json", "other.json"]\n[report]\nworst_logs = 4\
 def client():
     with (
         LocalCluster(n_workers=1, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0") as cluster,
-        Client(cluster) as client,
+        Client(cluster, set_as_default=False) as client,  # a default one that a test closes stays in Dask's settings
     ):
         yield client
 
