@@ -156,7 +156,7 @@ def _say_counts(publication: Publication, output: Output) -> None:
         f"published: {counts.samples} samples, {counts.dropped} dropped, {counts.waiting} not confirmed, "
         f"{count_text(counts.connections, 'connection')}"
     )
-    if counts.samples == 0:
+    if counts.samples == 0 and counts.waiting + counts.dropped > 0:
         reason = f"{counts.trouble or 'the broker has confirmed no sample'}; check the address and the broker"
         output.report(f"warning: nothing was published to {publication.address}: {reason}")
     elif counts.trouble:

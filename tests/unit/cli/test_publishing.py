@@ -1,10 +1,11 @@
-"""The error of a run is raised even if the counts of its publication cannot be printed."""
+"""What a command prints about its publication at the end; a failed print does not hide the error of the run."""
 
 import sys
 from pathlib import Path
 
 import pytest
-from peers.mosquitto import free_port
+from peers import mosquitto
+from peers.mosquitto import MosquittoBroker, free_port
 
 from smadrive.cli.live.publishing import open_publication
 from smadrive.cli.terminal.output import Output
@@ -28,8 +29,8 @@ def fill_disk(monkeypatch):
         yield fill
 
 
-def publish(action):
-    url = f"mqtt://127.0.0.1:{free_port()}"
+def publish(action, url=None):
+    url = url or f"mqtt://127.0.0.1:{free_port()}"
     with SharedWriter() as writer, open_publication(url, load_rig("in-process"), "run", writer, Output(False)):
         action()
 
@@ -50,3 +51,13 @@ def test_counts_that_cannot_be_printed_are_an_error_without_another_one(fill_dis
     with pytest.raises(ConfigError) as raised:
         publish(fill_disk)
     assert raised.value.where == "standard output"
+
+
+@pytest.mark.skipif(mosquitto.missing() is not None, reason=str(mosquitto.missing()))
+def test_broker_is_not_blamed_if_nothing_was_measured(tmp_path, capsys):
+    """As when another program drives the rig, so the command ends before its first sample."""
+    with MosquittoBroker(tmp_path) as broker:
+        publish(lambda: None, broker.url)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2
+    assert not any(line.startswith("warning") for line in lines)
