@@ -20,15 +20,6 @@ static void no_log(avr_t *avr, const int level, const char *format, va_list argu
 /* Sleeping costs no time of the machine. */
 static void no_sleep(avr_t *avr, avr_cycle_count_t cycles) { (void)avr, (void)cycles; }
 
-avr_int_vector_t *find_vector(avr_t *avr, uint8_t number) {
-    for (int index = 0; index < avr->interrupts.vector_count; index++) {
-        if (avr->interrupts.vector[index]->vector == number) {
-            return avr->interrupts.vector[index];
-        }
-    }
-    return NULL;
-}
-
 /* An interrupt that was requested while it was masked runs when the mask is lifted. */
 static void write_mask(avr_t *avr, avr_io_addr_t address, uint8_t value, void *param) {
     struct emulator *emulator = param;

@@ -132,7 +132,15 @@ static inline void hook_read(struct emulator *emulator, uint16_t address, avr_io
     emulator->avr->io[AVR_DATA_TO_IO(address)].r.param = emulator;
 }
 
-avr_int_vector_t *find_vector(avr_t *avr, uint8_t number);
+/* NULL when the microcontroller has no interrupt with this number. */
+static inline avr_int_vector_t *find_vector(avr_t *avr, uint8_t number) {
+    for (int index = 0; index < avr->interrupts.vector_count; index++) {
+        if (avr->interrupts.vector[index]->vector == number) {
+            return avr->interrupts.vector[index];
+        }
+    }
+    return NULL;
+}
 
 void uart_attach(struct emulator *emulator);
 void uart_reset(struct emulator *emulator);
