@@ -46,8 +46,8 @@ class HeldSignals:
 
     def __init__(self, before: Sequence[signal.Signals] = ()) -> None:
         self.received = [*before]
-        self._handlers: dict[signal.Signals, Handler] = {}
-        self._may_abort = False
+        self._handlers: dict[int, Handler] = {}
+        self._is_active = self._may_abort = False
 
     @property
     def aborted(self) -> bool:
@@ -57,13 +57,19 @@ class HeldSignals:
     def __enter__(self) -> Self:
         """Hold the signals from now on."""
         if threading.current_thread() is threading.main_thread():
+            self._is_active = True
             mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # a handler may raise: all are replaced first
-            for number in SIGNALS:
-                handler = signal.getsignal(number)
-                if handler is not None and handler != signal.SIG_IGN:
-                    self._handlers[number] = handler
-                    signal.signal(number, self._count)
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            try:
+                for number in SIGNALS:
+                    handler = signal.getsignal(number)
+                    if handler is not None and handler != signal.SIG_IGN:
+                        self._handlers[number] = handler
+                        signal.signal(number, self._count)
+            except BaseException:  # of a handler that was not replaced yet: another thread has taken its signal
+                self._is_active = False
+                raise
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         self._may_abort = True
         return self
 
@@ -73,13 +79,20 @@ class HeldSignals:
         """Give the signals back to the program's own handlers."""
         self._may_abort = False
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, self._handlers)  # a handler may raise: all are restored first
-        for number, handler in self._handlers.items():
-            signal.signal(number, handler)
-        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        try:
+            for number, handler in self._handlers.items():
+                signal.signal(number, handler)
+        finally:
+            self._is_active = False
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         if isinstance(error, AbortedError):
             signal.raise_signal(self.received[-1])
 
     def _count(self, number: int, _frame: FrameType | None) -> None:
+        if not self._is_active:  # the error of another handler has cut the block before this one was restored
+            signal.signal(number, self._handlers[number])
+            signal.raise_signal(number)
+            return
         self.received.append(signal.Signals(number))
         if self._may_abort and self.aborted:
             self._may_abort = False

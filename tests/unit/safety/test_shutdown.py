@@ -173,6 +173,31 @@ def test_signal_at_any_line_of_the_block_leaves_the_handlers():
         signal.signal(signal.SIGTERM, usual)
 
 
+@pytest.mark.parametrize("number", SIGNALS)
+def test_no_handler_is_lost_if_another_thread_takes_a_signal(number):
+    """The mask of the main thread does not stop such a signal: its handler runs between any two lines."""
+
+    def interrupt(_number, _frame):
+        raise KeyboardInterrupt
+
+    usual = {one: signal.signal(one, interrupt) for one in SIGNALS}
+    try:
+        at, reached = 0, True
+        while reached:
+            line = InterruptedLine(at, interrupts, interrupt=lambda: signal.getsignal(number)(number, None))
+            with line, HeldSignals():
+                pass
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)  # a mask that stays does not stop the other thread
+            for one in SIGNALS:
+                with pytest.raises(KeyboardInterrupt):
+                    signal.raise_signal(one)
+            at, reached = at + 1, line.reached
+        assert at > len(SIGNALS)
+    finally:
+        for one, handler in usual.items():
+            signal.signal(one, handler)
+
+
 def test_ignored_signal_stays_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
