@@ -40,7 +40,7 @@ BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 class _Record(BaseModel):
     """The content of a file: the heat, the key of its heat source, and the start of the machine."""
 
-    model_config = ConfigDict(extra="ignore", frozen=True)
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
 
     names: frozenset[str]
     unit_id: int | None
@@ -70,9 +70,9 @@ class LastHeat:
 
     @contextmanager
     def kept(self, heated: Callable[[], Heated | None]) -> Iterator[None]:
-        """Keep `heated()` at the end of the `with` block. Signals do not interrupt this.
+        """Keep `heated()` at the end of the `with` block. Only the third signal interrupts this (see HeldSignals).
 
-        An error that ended the block is raised again, and no signal replaces it.
+        An error that ended the block is raised again, and the first two signals do not replace it.
         """
         try:
             yield
