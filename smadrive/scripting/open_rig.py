@@ -154,16 +154,11 @@ class OpenRig(RigConnection):
         """
         self._check_open()
         self._check_may_switch_off()
-        with self._client.turns.others_ended():
-            try:
-                self._stop_servo()
-            except BaseException as error:
-                switch_off_after(error, self._switch_off)
-                raise
-            self._switch_off()
+        self._end_all(self._switch_off)
 
-    def _switch_off(self) -> None:
+    def _switch_off(self) -> bool:
         self._client.call(SwitchOffRequest())
+        return True
 
     def latched_trip(self) -> str | None:
         """Return the trip that keeps the rig from heating, with its cause and remedy; None without one."""
@@ -197,14 +192,16 @@ class OpenRig(RigConnection):
         and `close` stop the servo. In virtual time the clock stops when no motion is left, and goes on with
         the next command.
         """
-        self._check_free()
-        self._servo = Servo(self._client, wire_of_argument(wire), self.config.limits, new_log(self, log, "servo"))
-        try:
-            self._servo.begin()
-        except BaseException as interruption:  # the script gets no servo that it could stop
-            self._stop_servo_after(interruption)
-            raise
-        return self._servo
+        with self._one_servo:
+            self._check_free()
+            servo = Servo(self._client, wire_of_argument(wire), self.config.limits, new_log(self, log, "servo"))
+            self._servo = servo
+            try:
+                servo.begin()
+            except BaseException as interruption:  # the script gets no servo that it could stop
+                switch_off_after(interruption, self._stop_servo)
+                raise
+        return servo
 
 
 def open_rig(rig: RigConfig | PathText) -> OpenRig:

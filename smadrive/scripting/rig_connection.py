@@ -33,7 +33,7 @@ class RigConnection:
     def __init__(self, config: RigConfig) -> None:
         self.config = config
         self._servo: Servo | None = None
-        self._one_close = threading.RLock()
+        self._one_close, self._one_servo = threading.RLock(), threading.RLock()
         self._is_closed = False
         self._close_error: Exception | None = None
         self._client = LoopClient()
@@ -43,7 +43,8 @@ class RigConnection:
             opened: OpenedRig = self._client.call(OpenRequest(config, tuple(sys.path)))
         except BaseException as error:
             self._finalizer()
-            if isinstance(error, BusyError) and error.holder_pid in {one.pid for one in _clients if not one.is_lost}:
+            own = {one.child.pid for one in _clients if not one.is_lost}
+            if isinstance(error, BusyError) and error.holder_pid in own:
                 raise _busy(error.where) from None
             raise
         self._identities, self.is_virtual, self.quantities = opened
@@ -67,7 +68,8 @@ class RigConnection:
         try:
             self.close()
         except Exception as lost:  # noqa: BLE001 (the outcome becomes a note of the error that is raised)
-            carry(error, shutdown_of(lost) or ShutdownOutcome(lost))
+            if lost is not error:
+                carry(error, shutdown_of(lost) or ShutdownOutcome(lost))
 
     @property
     def is_open(self) -> bool:
@@ -78,8 +80,8 @@ class RigConnection:
         """End what runs, also in another thread, switch the heater off, and end the loop process.
 
         Raises an error if the heater is not confirmed off. StoppedError if `smadrive off` has stopped the loop process
-        and no call has raised this error before. In a callback of the servo, MotionError: the servo stops, and the rig
-        stays open. ConfigError in a forked child.
+        and no call of this thread has raised this error before. In a callback of the servo, MotionError: the servo
+        stops, and the rig stays open. ConfigError in a forked child.
         """
         if self._is_closed:
             return
@@ -95,16 +97,13 @@ class RigConnection:
         self._client.check_may_call()
 
     def _close(self) -> None:
-        """Close the rig. If another thread has closed it meanwhile, raise the error of that, or do nothing."""
+        """Close the rig, or raise the error of another thread that has meanwhile failed to close it."""
         if self._close_error is not None:
             raise self._close_error
         if not self.is_open:
             return
         try:
-            with self._client.turns.others_ended():
-                self._stop_servo()
-                if not self._client.is_end_raised:
-                    self._client.call(CloseRequest())
+            self._end_all(self._request_close)
         except BaseException as error:
             self._close_error = _for_others(error)
             raise
@@ -112,13 +111,32 @@ class RigConnection:
             self._finalizer()
             self._is_closed = True
 
-    def _stop_servo(self) -> None:
-        if self._servo is not None and self._servo.is_running:
-            self._servo.stop()
+    def _request_close(self) -> bool:
+        if self._client.child.is_error_raised:
+            return False
+        self._client.call(CloseRequest())
+        return True
 
-    def _stop_servo_after(self, error: BaseException) -> None:
-        """Stop a running servo. If this fails, the failure becomes a note of `error`, which the caller raises."""
-        switch_off_after(error, self._stop_servo)
+    def _end_all(self, switch_off: Callable[[], bool]) -> None:
+        """End the servo and the runs of other threads, then call `switch_off`, which confirms the heater off.
+
+        An error of the servo, or an interruption, is raised when the heater is off.
+        """
+        with self._client.turns.others_ended():
+            try:
+                self._stop_servo()
+            except BaseException as error:
+                switch_off_after(error, self._stop_servo)  # an interruption may have come before its command
+                switch_off_after(error, switch_off)
+                raise
+            switch_off()
+
+    def _stop_servo(self) -> bool:
+        """Stop the servo, if one runs. Return True if the end of its run has confirmed the heater off."""
+        if self._servo is None or not self._servo.is_running:
+            return False
+        self._servo.stop()
+        return True
 
     def _call(self, request: Any) -> Any:
         self._check_free()
@@ -168,10 +186,14 @@ class RigConnection:
         return card(f"Rig: {self.config.name}", self.facts())
 
 
-def switch_off_after(error: BaseException, switch_off: Callable[[], None]) -> None:
-    """Call `switch_off` after `error`, which the caller raises. A failure becomes a note of `error`."""
+def switch_off_after(error: BaseException, switch_off: Callable[[], bool]) -> None:
+    """Call `switch_off` after `error`, which the caller raises, and attach the outcome to `error`.
+
+    `switch_off` returns True if it has confirmed the heater off.
+    """
     try:
-        switch_off()
+        if switch_off():
+            carry(error, ShutdownOutcome())
     except Exception as failure:  # noqa: BLE001 (the caller raises `error`)
         carry(error, shutdown_of(failure) or ShutdownOutcome(failure))
 

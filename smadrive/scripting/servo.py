@@ -70,8 +70,7 @@ class Servo:
         self.takers: list[TickHandler] = []
         self.dropped = 0
         self.limits = permitted_mm(wire, rig_limits)
-        self._wire, self._rig_limits = wire, rig_limits
-        self._client = client
+        self._client, self._wire, self._rig_limits = client, wire, rig_limits
         self._id = secrets.token_hex(8)
         self._motions = RunMotions()
         self._followers: dict[int, TickHandler] = {}
@@ -79,11 +78,10 @@ class Servo:
         self._driven: DrivenRun | None = None
         self._warnings: tuple[str, ...] = ()
         self._error: BaseException | None = None
-        self._is_replied = threading.Event()
-        self._began_s = 0.0
+        self._is_replied, self._began_s = threading.Event(), 0.0
         client.on_report = self._receive
-        request = ServoRequest(self._id, log_file.absolute(), wire)
-        self._thread = threading.Thread(target=self._run, args=(request,), name="servo", daemon=True)
+        self._request = ServoRequest(self._id, log_file.absolute(), wire)
+        self._thread = threading.Thread(target=self._run, name="servo", daemon=True)
 
     def begin(self) -> None:
         """Begin the run. Call this once, when the rig already has this servo, so that its `close` stops it."""
@@ -102,6 +100,7 @@ class Servo:
             return
         self._end()
         if self._error is not None and self._error is not error:
+            self._client.child.note_raised(self._error)
             raise self._error
 
     @property
@@ -213,17 +212,19 @@ class Servo:
         return motion
 
     def _end(self) -> None:
-        self.request_end()
+        with signals_obeyed_afterwards():
+            self.request_end()
         if is_callback():
             return
-        if not self._is_replied.wait(STOPS_WITHIN_S):
-            self._client.kill()
+        while not self._is_replied.wait(STOPS_WITHIN_S):
+            if self._client.carries_out(self._request):  # it may still wait for a run of another thread
+                self._client.kill()
         self._thread.join()
 
-    def _run(self, request: ServoRequest) -> None:
+    def _run(self) -> None:
         """Wait for the end of the run, add the run to the health record, and end all motions that are left."""
         try:
-            self._driven = self._client.call(request)
+            self._driven = self._client.call(self._request)
         except BaseException as error:  # noqa: BLE001 (raised by `stop`, and by each motion)
             self._error = error
         self._is_replied.set()

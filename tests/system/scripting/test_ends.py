@@ -277,7 +277,7 @@ def test_script_that_is_stopped_for_long_heats_no_longer(identified, tmp_path):
 
 
 def kill_and_measure(rig):
-    os.kill(rig._client.pid, signal.SIGKILL)
+    os.kill(rig._client.child.pid, signal.SIGKILL)
     rig.measure()
 
 
@@ -293,7 +293,7 @@ def test_idle_loop_that_is_killed_is_an_error_once():
 @pytest.mark.exhaustive
 def test_idle_loop_that_was_stopped_has_not_died():
     rig = smadrive.open_rig("in-process")
-    os.kill(rig._client.pid, signal.SIGTERM)
+    os.kill(rig._client.child.pid, signal.SIGTERM)
     wait_for(lambda: rig._client.is_lost)
     with rig, pytest.raises(LoopProcessError) as caught:
         rig.measure()
@@ -315,13 +315,13 @@ def test_rig_that_a_script_opens_twice_is_busy_by_this_script(tmp_path):
 @pytest.mark.exhaustive
 def test_forgotten_rig_ends_its_process():
     rig = smadrive.open_rig("in-process")
-    loop = rig._client.pid
+    loop = rig._client.child.pid
     del rig
     wait_for(lambda: not programs.lives(loop))
 
 
 def test_script_that_ends_without_closing_leaves_no_process(tmp_path):
-    text = "import smadrive; rig = smadrive.open_rig('in-process'); print(rig._client.pid)"
+    text = "import smadrive; rig = smadrive.open_rig('in-process'); print(rig._client.child.pid)"
     done = programs.run([sys.executable, "-c", text], cwd=tmp_path, capture_output=True, text=True, check=True)
     wait_for(lambda: not programs.lives(int(done.stdout)))
     assert done.stderr == ""
@@ -341,5 +341,5 @@ def test_ended_client_is_ended_again_without_an_error():
     client = LoopClient()
     client.end()
     client.end()
-    assert not programs.lives(client.pid)
+    assert not programs.lives(client.child.pid)
     wait_for(lambda: client.is_lost)

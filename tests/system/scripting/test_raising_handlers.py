@@ -124,7 +124,7 @@ import signal, sys
 import smadrive
 signal.signal(signal.SIGTERM, lambda *_: sys.exit(3))
 with smadrive.open_rig("in-process") as rig:
-    print(rig._client.pid, flush=True)
+    print(rig._client.child.pid, flush=True)
     rig.heat(float(sys.argv[1]), current_a=0.1, log="heat.h5")
 """
 

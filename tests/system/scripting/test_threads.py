@@ -1,20 +1,27 @@
 """A rig that several threads of a script use: each may switch off, and no run outlives the main thread."""
 
+import os
+import signal
 import subprocess
 import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import pytest
 from marks import exhaustive
+from signal_injection import InterruptedLine
 
 import smadrive
 from smadrive.control.controllers.step import ManualStep
-from smadrive.errors import SafetyError
+from smadrive.errors import ConfigError, LoopProcessError, SafetyError
 from smadrive.runs.log.reader import read_log
 from smadrive.safety.shutdown import UNCONFIRMED
+from smadrive.scripting import open_rig, rig_connection
+from smadrive.scripting import servo as servo_module
 from smadrive.scripting.loop.messages import HeatRequest
 
 DAY_S = 86_400
@@ -23,6 +30,15 @@ DAY_S = 86_400
 def wait_for(condition):
     while not condition():
         time.sleep(0.01)
+
+
+@contextmanager
+def set_at_last(event):
+    """Set `event` at the end of the block, also after a failure, so that the thread that waits for it ends."""
+    try:
+        yield
+    finally:
+        event.set()
 
 
 def assert_confirmed(log):
@@ -57,19 +73,35 @@ def test_run_whose_thread_does_not_go_on_is_ended_by_another_one(tmp_path):
 
     with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
         request = HeatRequest(tmp_path / "heat.h5", ManualStep(0.2, None, DAY_S))
-        run = pool.submit(rig._client.call, request, hang)
-        shows.wait()
-        off = pool.submit(rig.off)
-        wait_for(lambda: read_log(tmp_path / "heat.h5").end_time)
-        assert not off.done()
-        goes_on.set()
+        with set_at_last(goes_on):
+            run = pool.submit(rig._client.call, request, hang)
+            shows.wait()
+            off = pool.submit(rig.off)
+            wait_for(lambda: read_log(tmp_path / "heat.h5").end_time)
+            assert not off.done()
         assert isinstance(run.exception(), SafetyError)
         assert off.exception() is None
     assert_confirmed(read_log(tmp_path / "heat.h5"))
 
 
+@contextmanager
+def interrupted_at(turns):
+    """In the block, interrupt the main thread once while it switches off."""
+
+    def interrupt():
+        wait_for(lambda: turns.is_switching_off)
+        time.sleep(0.2)  # until it waits for its turn
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    yield
+    thread.join()
+
+
 @pytest.mark.exhaustive
-def test_request_that_is_not_sent_yet_is_ended(tmp_path):
+@pytest.mark.parametrize("is_interrupted", [False, True])
+def test_request_that_is_not_sent_yet_is_ended(tmp_path, is_interrupted):
     pickles, goes_on = threading.Event(), threading.Event()
 
     class SlowPath(type(Path())):
@@ -80,13 +112,17 @@ def test_request_that_is_not_sent_yet_is_ended(tmp_path):
 
     with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
         request = HeatRequest(SlowPath(tmp_path / "heat.h5"), ManualStep(0.2, None, DAY_S))
-        run = pool.submit(rig._client.call, request)
-        pickles.wait()
-        off = pool.submit(rig.off)
-        wait_for(lambda: rig._client.turns.is_switching_off)
-        goes_on.set()
+        with set_at_last(goes_on):
+            run = pool.submit(rig._client.call, request)
+            pickles.wait()
+            if is_interrupted:
+                with interrupted_at(rig._client.turns), pytest.raises(KeyboardInterrupt):
+                    rig.off()
+            else:
+                off = pool.submit(rig.off)
+                wait_for(lambda: rig._client.turns.is_switching_off)
         assert isinstance(run.exception(), SafetyError)
-        assert off.exception() is None
+        assert is_interrupted or off.exception() is None
 
 
 @pytest.mark.exhaustive
@@ -102,6 +138,68 @@ def test_servo_that_waits_for_a_run_does_not_keep_off_waiting(tmp_path, identifi
         assert isinstance(servo.error, SafetyError)
         assert not (tmp_path / "servo.h5").exists()
         assert not rig.measure().armed
+
+
+@pytest.mark.exhaustive
+def test_servo_that_waits_for_a_run_can_be_stopped(tmp_path, identified, monkeypatch):
+    """The run of the other thread goes on: nobody kills the loop process because the servo has not ended."""
+    wire = smadrive.load_wire(identified.wire_file)
+    with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
+        run = pool.submit(rig.heat, DAY_S, current_a=0.2, log=tmp_path / "heat.h5")
+        wait_for((tmp_path / "heat.h5").exists)
+        servo = rig.servo(wire, tmp_path / "servo.h5")
+        with monkeypatch.context() as patched:
+            patched.setattr(servo_module, "STOPS_WITHIN_S", 0.01)
+            stop = pool.submit(servo.stop)
+            time.sleep(1.0)
+        assert not run.done()
+        assert not stop.done()
+        with pytest.raises(SafetyError):
+            rig.off()
+        assert isinstance(run.exception(), SafetyError)
+        assert isinstance(stop.exception(), SafetyError)
+
+
+@pytest.mark.exhaustive
+def test_interruption_of_off_leaves_no_servo_that_heats(tmp_path, identified):
+    wire, at, reached = smadrive.load_wire(identified.wire_file), 0, True
+    modules = open_rig, rig_connection, servo_module
+    with smadrive.open_rig("in-process") as rig:
+        while reached:
+            servo = rig.servo(wire, tmp_path / f"{at}.h5")
+            with InterruptedLine(at, *modules, interrupt=partial(signal.raise_signal, signal.SIGINT)) as interruption:
+                rig.off()
+            if servo.is_running:  # the interruption came before off() had begun
+                assert at < 20
+                servo.stop()
+            assert not rig.measure().armed
+            at, reached = at + 1, interruption.reached
+    assert at > 25
+
+
+def test_only_one_of_two_threads_gets_a_servo(tmp_path, identified):
+    wire = smadrive.load_wire(identified.wire_file)
+    with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
+        both = threading.Barrier(2)
+        begun = [
+            pool.submit(lambda name: (both.wait(), rig.servo(wire, tmp_path / f"{name}.h5")), name) for name in "ab"
+        ]
+        assert {type(one.exception()) for one in begun} == {ConfigError, type(None)}
+
+
+@pytest.mark.parametrize("kind", ["servo", exhaustive("heat")])
+def test_close_tells_that_the_loop_process_died_under_another_thread(tmp_path, identified, kind):
+    log, wire = tmp_path / "run.h5", smadrive.load_wire(identified.wire_file)
+    with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
+        if kind == "servo":
+            rig.servo(wire, log)
+        else:
+            pool.submit(rig.heat, DAY_S, current_a=0.2, log=log)
+        wait_for(log.exists)
+        os.kill(rig._client.child.pid, signal.SIGKILL)
+        wait_for(lambda: not rig._client.is_busy)
+        with pytest.raises(LoopProcessError):
+            rig.close()
 
 
 def test_two_threads_close_one_rig():

@@ -6,8 +6,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 
-from smadrive.errors import LoopProcessError
+from smadrive.errors import LoopProcessError, StoppedError
 from smadrive.numerics.blas_threads import ONE_THREAD
 
 MODULE = "smadrive.scripting.loop.loop_process"
@@ -17,9 +18,15 @@ ENDS_WITHIN_S = 30.0
 
 
 class LoopChild:
-    """Starts a loop process that inherits the socket `descriptor`, its end of the link."""
+    """Starts a loop process that inherits the socket `descriptor`, its end of the link.
+
+    `stop` is the error with which the process has said that `smadrive off` stopped it; None without such an error.
+    """
 
     def __init__(self, descriptor: int) -> None:
+        self.stop: StoppedError | None = None
+        self._death: LoopProcessError | None = None
+        self._raised = threading.local()
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", MODULE, str(descriptor)],
             stdin=subprocess.DEVNULL,
@@ -45,12 +52,29 @@ class LoopChild:
         self._process.kill()
         self._process.wait()
 
-    def error(self) -> LoopProcessError:
-        """Wait for the end of the process, and return the error that tells how it has ended."""
+    def error(self) -> StoppedError | LoopProcessError:
+        """Wait for the end of the process. Return the error that tells how it has ended, the same object each time."""
         self.wait()
+        if self.stop is not None:
+            return self.stop
+        if self._death is None:
+            self._death = self._how_it_died()
+        return self._death
+
+    def note_raised(self, error: BaseException) -> None:
+        """Note that the present thread raises `error`, which may be that of `error()`."""
+        if error in (self.stop, self._death):
+            self._raised.is_error = True
+
+    @property
+    def is_error_raised(self) -> bool:
+        """True if the present thread has raised the error that tells how the process has ended."""
+        return getattr(self._raised, "is_error", False)
+
+    def _how_it_died(self) -> LoopProcessError:
         code = self._process.returncode
         if code == 0:
-            what, cure = "it has ended, because a signal or an error stopped it", "open the rig again"
+            what, cure = "it has ended: the rig was closed, or a signal or an error stopped it", "open the rig again"
             return LoopProcessError(what, where="loop process", cure=cure)
         return LoopProcessError(
             "it has died; the watchdog of the device, or the guardian, switches the heater off",

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from multiprocessing import Pipe
 from typing import Any
 
-from smadrive.errors import LoopProcessError, StoppedError
+from smadrive.errors import ControllerError, StoppedError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.posix import OwningProcess, check_posix
 from smadrive.scripting.loop.client.loop_child import ENDS_WITHIN_S, LoopChild
@@ -56,9 +56,8 @@ class LoopClient:
     """Starts a loop process. `call` sends a request to this process, and `end` ends it.
 
     Only the process that created this object may use it. In a forked child `call` and `command` raise ConfigError, and
-    `end` and `kill` have no effect. `is_end_raised` is True after `call` has raised the error that the process died or
-    was stopped. `turns` ends the requests of other threads. `on_report` is called in another thread with each report of
-    a servo.
+    `end` and `kill` have no effect. `child` is the loop process. `turns` ends the requests of other threads.
+    `on_report` is called in another thread with each report of a servo.
     """
 
     def __init__(self) -> None:
@@ -72,17 +71,11 @@ class LoopClient:
         self.turns = Turns(self._end_run)
         self._request: Any = None
         self._signals = RequestSignals()
-        self._is_lost = self.is_end_raised = False
-        self._stop: StoppedError | None = None
+        self._is_lost = False
         self.on_report: Callable[[ServoReport], None] | None = None
-        self._child = LoopChild(theirs.fileno())
+        self.child = LoopChild(theirs.fileno())
         theirs.close()
         threading.Thread(target=self._listen, name="link to the loop", daemon=True).start()
-
-    @property
-    def pid(self) -> int:
-        """The id of the loop process."""
-        return self._child.pid
 
     @property
     def is_lost(self) -> bool:
@@ -97,8 +90,7 @@ class LoopClient:
     @property
     def ending(self) -> str:
         """Text that says that the loop process has ended, and what to do; empty while the process runs."""
-        how = "loop process ended" if self._stop is None else self._stop
-        return f"{how}, open the rig again" if self._is_lost else ""
+        return f"{self.child.stop or 'loop process ended'}, open the rig again" if self._is_lost else ""
 
     def call(self, request: Any, show: Show | None = None) -> Any:
         """Send a request. Return its result or raise its error. `show` is called with the progress of a run.
@@ -114,12 +106,16 @@ class LoopClient:
                 reply = self._carried_out(request, signals, show)
             error = error_to_raise(reply, signals)
         if error is not None:
+            self.child.note_raised(error)
             if isinstance(reply, Failure) and error is reply.error:
-                self.is_end_raised = isinstance(error, StoppedError | LoopProcessError)
-                raise error from (RemoteTracebackError(reply.traceback) if reply.traceback else None)
+                raise error from (RemoteTracebackError(reply.traceback) if reply.traceback else error.__cause__)
             raise error
         assert isinstance(reply, Result)
         return reply.value
+
+    def carries_out(self, request: Any) -> bool:
+        """Return True while `request` is carried out."""
+        return self.is_busy and self._request is request
 
     def check_may_call(self) -> None:
         """Raise the error of `call` if this thread must not wait for a request now."""
@@ -135,12 +131,12 @@ class LoopClient:
         """Ask the process to switch the heater off and to end. If it has not ended after `ENDS_WITHIN_S`, kill it."""
         if self.owner.is_present:
             self._send(END)
-            self._child.wait()
+            self.child.wait()
 
     def kill(self) -> None:
         """Kill the process. The watchdog of the device or the guardian then switches the heater off."""
         if self.owner.is_present:
-            self._child.kill()
+            self.child.kill()
 
     def _end_run(self, error: BaseException) -> None:
         """Interrupt the present request if it is long, not over, and not that of a servo; let it fail with `error`."""
@@ -168,12 +164,15 @@ class LoopClient:
 
     def _carried_out(self, request: Any, signals: RequestSignals, show: Show | None) -> Result | Failure:
         """Send a request and return its reply. An error of the sending or of `show` is kept in `signals`."""
-        message = pickled(request)
+        try:
+            message = pickled(request)
+        except ControllerError as error:
+            return Failure(error, "")
         with self._one_message:
             self._number += 1
             self._replies.clear()
             self._request, self._signals, signals.number = request, signals, self._number
-        if self.turns.is_switching_off:  # since the beginning of this turn
+        if self.turns.is_ended:  # by a thread that found no request to end
             self._end_run(ended_by_thread())
         self._progress, is_sent = None, False
         try:
@@ -194,7 +193,7 @@ class LoopClient:
             if (reply := self._replies.get(self._number)) is not None:
                 return reply
             if is_lost:
-                return Failure(self._death(), "")
+                return Failure(self.child.error(), "")
             self._look_at_main_thread()
             self._pass_on(signals)
             if signals.passed_on >= ABORTS_AT:
@@ -212,11 +211,6 @@ class LoopClient:
         if main_thread_has_ended():
             self._end_request(outlives_script())
 
-    def _death(self) -> BaseException:
-        """Return the error that tells why the process has ended."""
-        error = self._child.error()
-        return error if self._stop is None else self._stop
-
     def _send(self, message: bytes) -> None:
         """Send a message under a lock: a long message takes several writes, and no other thread may write between."""
         send_whole(self._connection, message, self._one_message)
@@ -233,7 +227,7 @@ class LoopClient:
                         self.on_report(message)
                 else:
                     if isinstance(message, Failure) and isinstance(message.error, StoppedError):
-                        self._stop = message.error
+                        self.child.stop = message.error
                     self._replies[number] = message
                     self._arrived.set()
         except (EOFError, OSError):

@@ -23,7 +23,7 @@ class Turns:
     def __init__(self, end_request: Callable[[BaseException], None]) -> None:
         self._end_request = end_request
         self._one_turn, self._one_count = threading.Lock(), threading.Lock()
-        self._begun_offs, self._active_offs = 0, 0
+        self._begun_offs, self._active_offs, self._offs_before = 0, 0, 0
         self._in_turn = threading.local()  # a signal handler runs in the thread that it interrupts
 
     @property
@@ -35,6 +35,11 @@ class Turns:
     def is_switching_off(self) -> bool:
         """True while a thread switches off, or waits for its turn to do so."""
         return self._active_offs > 0
+
+    @property
+    def is_ended(self) -> bool:
+        """True if a thread has switched off since the thread of the present turn began to wait for its turn."""
+        return self._begun_offs != self._offs_before
 
     def check_may_wait(self) -> None:
         """Raise an error if this thread must not wait for a turn now.
@@ -55,9 +60,10 @@ class Turns:
         self.check_may_wait()
         self._in_turn.is_active = True  # before the lock: a handler that waited for it would wait for ever
         try:
-            begun_offs, is_refused = self._begun_offs, self.is_switching_off
+            offs_before = self._begun_offs - self._active_offs
             with self._one_turn:
-                if isinstance(request, LongRequest) and (is_refused or self._begun_offs != begun_offs):
+                self._offs_before = offs_before
+                if isinstance(request, LongRequest) and self.is_ended:
                     raise ended_by_thread()
                 yield
         finally:
@@ -71,9 +77,10 @@ class Turns:
         """
         is_counted = False
         try:
-            with signals_obeyed_afterwards(), self._one_count:
-                self._begun_offs, self._active_offs, is_counted = self._begun_offs + 1, self._active_offs + 1, True
-            self._end_request(ended_by_thread())
+            with signals_obeyed_afterwards():
+                with self._one_count:
+                    self._begun_offs, self._active_offs, is_counted = self._begun_offs + 1, self._active_offs + 1, True
+                self._end_request(ended_by_thread())
             yield
         finally:
             if is_counted:

@@ -106,6 +106,20 @@ def test_cut_message_ends_the_loop_process(client, far, error):
     assert has_ended(far)
 
 
+class Interrupting:
+    """An argument that cannot be pickled; Ctrl-C is pressed while this is tried."""
+
+    def __reduce__(self):
+        signal.raise_signal(signal.SIGINT)
+        raise ValueError
+
+
+def test_interruption_is_not_lost_if_pickling_fails(client):
+    with pytest.raises(KeyboardInterrupt) as caught:
+        client.call(Interrupting())
+    assert "cannot be transferred" in caught.value.args[0]
+
+
 def test_client_is_busy_until_the_reply_arrives(client, far):
     calling = threading.Thread(target=client.call, args=(None,))
     calling.start()
