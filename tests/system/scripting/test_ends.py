@@ -14,6 +14,7 @@ import pytest
 from marks import exhaustive
 from process_tree import children
 from served import PATIENT, served, with_limits
+from waiting import has_ended, wait_for
 
 import smadrive
 from smadrive.errors import BusyError, LoopProcessError
@@ -58,11 +59,6 @@ HANGS = {
     "computes": "while True: pass",
     "drops every exception": "try: time.sleep(1e6)\n            except: pass",
 }
-
-
-def wait_for(condition):
-    while not condition():
-        time.sleep(0.05)
 
 
 @pytest.fixture(params=["in-process", exhaustive("served")])
@@ -266,7 +262,7 @@ def test_stopped_script_does_not_stop_the_loop(identified, tmp_path):
 def test_script_that_is_stopped_for_long_heats_no_longer(identified, tmp_path):
     with on_a_port(tmp_path) as (rig_file, _), heating(rig_file, identified.wire_file, tmp_path) as (script, _):
         script.send_signal(signal.SIGSTOP)
-        wait_for(lambda: read_log(tmp_path / "run.h5").end_time)
+        wait_for(lambda: has_ended(tmp_path / "run.h5"))
         script.send_signal(signal.SIGCONT)
         printed, _ = script.communicate()
         assert f"SafetyError; {CONFIRMED}" in printed

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from marks import exhaustive
 from signal_injection import InterruptedLine
+from waiting import has_ended, wait_for
 
 import smadrive
 from smadrive.control.controllers.step import ManualStep
@@ -25,11 +26,6 @@ from smadrive.scripting import servo as servo_module
 from smadrive.scripting.loop.messages import HeatRequest
 
 DAY_S = 86_400
-
-
-def wait_for(condition):
-    while not condition():
-        time.sleep(0.01)
 
 
 @contextmanager
@@ -77,7 +73,7 @@ def test_run_whose_thread_does_not_go_on_is_ended_by_another_one(tmp_path):
             run = pool.submit(rig._client.call, request, hang)
             shows.wait()
             off = pool.submit(rig.off)
-            wait_for(lambda: read_log(tmp_path / "heat.h5").end_time)
+            wait_for(lambda: has_ended(tmp_path / "heat.h5"))
             assert not off.done()
         assert isinstance(run.exception(), SafetyError)
         assert off.exception() is None
