@@ -22,6 +22,12 @@ ABORTS_AT = 3
 """The signal with this number ends the block of `HeldSignals`; the earlier signals are only counted."""
 
 
+def unblock_signals() -> None:
+    """Let `SIGNALS` reach this thread, even if the parent of this process has blocked them: it must stay stoppable."""
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+
+
 @contextmanager
 def signals_obeyed_afterwards() -> Iterator[None]:
     """Hold the signals in the `with` block, then call the program's own handlers, which may raise an error."""
@@ -47,6 +53,7 @@ class HeldSignals:
     def __init__(self, before: Sequence[signal.Signals] = ()) -> None:
         self.received = [*before]
         self._handlers: dict[int, Handler] = {}
+        self._mask: set[int] = set()
         self._is_active = self._may_abort = False
 
     @property
@@ -57,34 +64,37 @@ class HeldSignals:
     def __enter__(self) -> Self:
         """Hold the signals from now on."""
         if threading.current_thread() is threading.main_thread():
-            self._is_active = True
-            mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # a handler may raise: all are replaced first
+            self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
             try:
+                self._is_active = True
+                signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # a handler may raise: all are replaced first
                 for number in SIGNALS:
                     handler = signal.getsignal(number)
                     if handler is not None and handler != signal.SIG_IGN:
                         self._handlers[number] = handler
                         signal.signal(number, self._count)
-            except BaseException:  # of a handler that was not replaced yet: another thread has taken its signal
+                self._may_abort = True
+                signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
+            except BaseException:  # of the handler of another signal, or of one that another thread has taken
                 self._is_active = False
+                signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
                 raise
-            finally:
-                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        self._may_abort = True
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Give the signals back to the program's own handlers."""
-        self._may_abort = False
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, self._handlers)  # a handler may raise: all are restored first
+        if not self._is_active:
+            return
         try:
+            self._may_abort = False
+            signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # a handler may raise: all are restored first
             for number, handler in self._handlers.items():
                 signal.signal(number, handler)
         finally:
             self._is_active = False
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
         if isinstance(error, AbortedError):
             signal.raise_signal(self.received[-1])
 

@@ -20,7 +20,7 @@ from types import FrameType
 
 from smadrive.cli.terminal.stdout import open_stdout
 from smadrive.errors import SmadriveError, StoppedError, TripError
-from smadrive.interrupts import SIGNALS
+from smadrive.interrupts import SIGNALS, unblock_signals
 from smadrive.numerics.blas_threads import ONE_THREAD
 from smadrive.safety.shutdown import ShutdownOutcome, shutdown_of
 
@@ -34,6 +34,7 @@ def main() -> None:
     for number in SIGNALS:
         if number.name != "SIGHUP" or signal.getsignal(number) != signal.SIG_IGN:  # with nohup, SIGHUP stays ignored
             signal.signal(number, _interrupt)
+    unblock_signals()
     try:
         from smadrive.cli.parsing.app import (  # noqa: PLC0415 (a signal during this import is handled, too)
             command_line,

@@ -89,10 +89,10 @@ class LastHeat:
         if self._key is None or heated is None:
             return
         key, file = self._key, state_dir() / RECORDS.replace("*", self._key.digest)
-        record = _Record(
-            names=key.names, unit_id=key.unit_id, serial_number=key.serial_number, boot_id=_boot_id(), heated=heated
-        )
-        with suppress(OSError, DataError):
+        with suppress(OSError, DataError, ValidationError):
+            record = _Record(
+                names=key.names, unit_id=key.unit_id, serial_number=key.serial_number, boot_id=_boot_id(), heated=heated
+            )
             file.parent.mkdir(parents=True, exist_ok=True)
             with replacing(file) as partial:
                 partial.write_text(record.model_dump_json(), encoding="utf-8")

@@ -192,6 +192,7 @@ class OpenRig(RigConnection):
         and `close` stop the servo. In virtual time the clock stops when no motion is left, and goes on with
         the next command.
         """
+        self._check_open()
         with self._one_servo:
             self._check_free()
             servo = Servo(self._client, wire_of_argument(wire), self.config.limits, new_log(self, log, "servo"))

@@ -43,8 +43,7 @@ class RigConnection:
             opened: OpenedRig = self._client.call(OpenRequest(config, tuple(sys.path)))
         except BaseException as error:
             self._finalizer()
-            own = {one.child.pid for one in _clients if not one.is_lost}
-            if isinstance(error, BusyError) and error.holder_pid in own:
+            if isinstance(error, BusyError) and _is_of_this_script(error):
                 raise _busy(error.where) from None
             raise
         self._identities, self.is_virtual, self.quantities = opened
@@ -120,9 +119,9 @@ class RigConnection:
     def _end_all(self, switch_off: Callable[[], bool]) -> None:
         """End the servo and the runs of other threads, then call `switch_off`, which confirms the heater off.
 
-        An error of the servo, or an interruption, is raised when the heater is off.
+        An error of the servo is raised after `switch_off`. After an interruption all runs end, too.
         """
-        with self._client.turns.others_ended():
+        with self._client.turns.others_ended(self._request_servo_end):
             try:
                 self._stop_servo()
             except BaseException as error:
@@ -130,6 +129,10 @@ class RigConnection:
                 switch_off_after(error, switch_off)
                 raise
             switch_off()
+
+    def _request_servo_end(self) -> None:
+        if self._servo is not None and self._servo.is_running:
+            self._servo.request_end()
 
     def _stop_servo(self) -> bool:
         """Stop the servo, if one runs. Return True if the end of its run has confirmed the heater off."""
@@ -205,6 +208,10 @@ def _for_others(error: BaseException) -> Exception:
     ended = SafetyError("another thread was interrupted while it closed the rig", where="loop process")
     carry(ended, shutdown_of(error) or ShutdownOutcome(error))
     return ended
+
+
+def _is_of_this_script(error: BusyError) -> bool:
+    return error.holder_pid in {one.child.pid for one in _clients if not one.is_lost}
 
 
 def _busy(where: str) -> BusyError:

@@ -44,10 +44,8 @@ from smadrive.scripting.run import Run
 from smadrive.wire.identified_wire import IdentifiedWire
 
 STOPS_WITHIN_S = 30.0
-"""The loop process is killed if it has not ended the run after this time in s.
-
-The tries to switch off a silent device take some 10 s, and the guardian needs up to 5 s more.
-"""
+"""The loop process is killed if it has not ended the run after this time in s. The tries to switch off a silent device
+take some 10 s, and the guardian needs up to 5 s more."""
 
 
 class Servo:
@@ -72,8 +70,7 @@ class Servo:
         self.limits = permitted_mm(wire, rig_limits)
         self._client, self._wire, self._rig_limits = client, wire, rig_limits
         self._id = secrets.token_hex(8)
-        self._motions = RunMotions()
-        self._followers: dict[int, TickHandler] = {}
+        self._motions, self._followers = RunMotions(), dict[int, TickHandler]()
         self._latest: Tick | None = None
         self._driven: DrivenRun | None = None
         self._warnings: tuple[str, ...] = ()
@@ -98,7 +95,7 @@ class Servo:
         """End the run at zero current. Raise its error, unless the block has. No effect in a forked child."""
         if not self._client.owner.is_present:
             return
-        self._end()
+        self.end()
         if self._error is not None and self._error is not error:
             self._client.child.note_raised(self._error)
             raise self._error
@@ -211,14 +208,17 @@ class Servo:
         self._client.command(self._id, command_of(number))
         return motion
 
-    def _end(self) -> None:
+    def end(self) -> None:
+        """End the run as `stop` does, but raise no error of the run: `error` is this error."""
         with signals_obeyed_afterwards():
             self.request_end()
         if is_callback():
             return
+        had_turn = self._client.carries_out(self._request)  # otherwise it waits for a run of another thread
         while not self._is_replied.wait(STOPS_WITHIN_S):
-            if self._client.carries_out(self._request):  # it may still wait for a run of another thread
+            if had_turn:
                 self._client.kill()
+            had_turn = self._client.carries_out(self._request)
         self._thread.join()
 
     def _run(self) -> None:

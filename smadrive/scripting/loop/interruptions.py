@@ -57,6 +57,7 @@ class RequestSignals:
         self.count, self.passed_on, self.number = 0, 0, 0
         self.error: BaseException | None = None
         self._handlers: dict[int, Any] = {}
+        self._mask: set[int] = set()
         self._is_active = False
 
     @property
@@ -72,40 +73,41 @@ class RequestSignals:
     def __enter__(self) -> Self:
         """Count and keep from now on."""
         if threading.current_thread() is threading.main_thread():
-            self._is_active = True
-            mask = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+            self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
             try:
+                self._is_active = True
+                signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
                 for number in signal.valid_signals():
                     handler = signal.getsignal(number)
                     if callable(handler) or (number == signal.SIGINT and handler == signal.SIG_DFL):
                         self._handlers[number] = handler
                         signal.signal(number, self._handle)
+                signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
             except BaseException:  # of a handler that was not replaced yet
-                self._restore()
+                self._is_active = False
+                signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
                 raise
-            finally:
-                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Give the signals back to the handlers of the script."""
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, self._handlers)  # a handler may raise: all are restored first
+        if not self._is_active:
+            return
         try:
-            self._restore()
+            signal.pthread_sigmask(signal.SIG_BLOCK, self._handlers)  # a handler may raise: all are restored first
+            self._is_active = False
+            for number, handler in self._handlers.items():
+                if signal.getsignal(number) == self._handle:  # otherwise a handler has chosen another one
+                    signal.signal(number, handler)
         finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-
-    def _restore(self) -> None:
-        self._is_active = False
-        for number, handler in self._handlers.items():
-            if signal.getsignal(number) == self._handle:  # otherwise a handler has chosen another one
-                signal.signal(number, handler)
+            self._is_active = False
+            signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         handler = self._handlers[number]
-        if not self._is_active:  # the error of another handler has cut `_restore`
+        if not self._is_active:  # the error of another handler has cut the block before this one was restored
             signal.signal(number, handler)
             signal.raise_signal(number)
         elif number == signal.SIGINT:

@@ -23,6 +23,7 @@ from types import FrameType
 from typing import Any
 
 from smadrive.control.loop import Tick, TickHandler, never
+from smadrive.interrupts import unblock_signals
 from smadrive.runs.run_log import TickRecorder
 from smadrive.scripting.loop.code_origin import dumps
 from smadrive.scripting.loop.failures import dumped_failure, stopped_script
@@ -63,6 +64,7 @@ class ScriptLink:
         signal.signal(signal.SIGINT, self._interrupt)
         for ending in (signal.SIGTERM, signal.SIGHUP):
             signal.signal(ending, self._end)
+        unblock_signals()
         threading.Thread(target=self._listen, name="link to the script", daemon=True).start()
 
     def opening(self) -> Any:

@@ -17,10 +17,12 @@ from signal_injection import InterruptedLine
 from waiting import has_ended, wait_for
 
 import smadrive
+from smadrive.cli import INTERRUPTED
 from smadrive.control.controllers.step import ManualStep
 from smadrive.errors import ConfigError, LoopProcessError, SafetyError
+from smadrive.interrupts import SIGNALS
 from smadrive.runs.log.reader import read_log
-from smadrive.safety.shutdown import UNCONFIRMED
+from smadrive.safety.shutdown import CONFIRMED, UNCONFIRMED
 from smadrive.scripting import open_rig, rig_connection
 from smadrive.scripting import servo as servo_module
 from smadrive.scripting.loop.messages import HeatRequest
@@ -58,6 +60,41 @@ def test_another_thread_ends_a_run_and_those_that_wait_behind_it(tmp_path, act):
         assert_confirmed(read_log(log))
 
 
+@contextmanager
+def blocked_signals():
+    """In the block, the signals do not reach the main thread; the processes that begin here inherit this."""
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
+def test_signals_that_the_script_blocks_reach_its_loop_process(tmp_path):
+    with blocked_signals():
+        rig = smadrive.open_rig("in-process")
+    with rig, ThreadPoolExecutor() as pool:
+        run = pool.submit(rig.heat, DAY_S, current_a=0.2, log=tmp_path / "heat.h5")
+        wait_for((tmp_path / "heat.h5").exists)
+        rig.off()
+        assert isinstance(run.exception(), SafetyError)
+
+
+@pytest.mark.exhaustive
+def test_signals_that_the_parent_blocks_reach_a_command(tmp_path):
+    command = [sys.executable, "-m", "smadrive", "heat", "in-process", "--current", "0.2", "--for", str(DAY_S)]
+    with blocked_signals():
+        process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    wait_for((tmp_path / "heat.h5").exists)
+    process.terminate()
+    try:
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == INTERRUPTED
+    assert CONFIRMED in errors
+
+
 @pytest.mark.exhaustive
 def test_run_whose_thread_does_not_go_on_is_ended_by_another_one(tmp_path):
     """The thread hangs in the display of its progress, as at a terminal that Ctrl-S has stopped."""
@@ -89,10 +126,8 @@ def interrupted_at(turns):
         time.sleep(0.2)  # until it waits for its turn
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
-    thread = threading.Thread(target=interrupt)
-    thread.start()
+    threading.Thread(target=interrupt, daemon=True).start()
     yield
-    thread.join()
 
 
 @pytest.mark.exhaustive
@@ -148,10 +183,10 @@ def test_servo_that_waits_for_a_run_can_be_stopped(tmp_path, identified, monkeyp
             patched.setattr(servo_module, "STOPS_WITHIN_S", 0.01)
             stop = pool.submit(servo.stop)
             time.sleep(1.0)
-        assert not run.done()
-        assert not stop.done()
+        ended = run.done() or stop.done()
         with pytest.raises(SafetyError):
             rig.off()
+        assert not ended
         assert isinstance(run.exception(), SafetyError)
         assert isinstance(stop.exception(), SafetyError)
 
@@ -159,15 +194,16 @@ def test_servo_that_waits_for_a_run_can_be_stopped(tmp_path, identified, monkeyp
 @pytest.mark.exhaustive
 def test_interruption_of_off_leaves_no_servo_that_heats(tmp_path, identified):
     wire, at, reached = smadrive.load_wire(identified.wire_file), 0, True
-    modules = open_rig, rig_connection, servo_module
+    modules = open_rig, rig_connection, servo_module  # test_turns.py interrupts turns.py
     with smadrive.open_rig("in-process") as rig:
         while reached:
+            offs = rig._client.turns._begun_offs
             servo = rig.servo(wire, tmp_path / f"{at}.h5")
             with InterruptedLine(at, *modules, interrupt=partial(signal.raise_signal, signal.SIGINT)) as interruption:
                 rig.off()
-            if servo.is_running:  # the interruption came before off() had begun
-                assert at < 20
+            if rig._client.turns._begun_offs == offs:  # the interruption came before off() had begun
                 servo.stop()
+            wait_for(lambda ending=servo: not ending.is_running)
             assert not rig.measure().armed
             at, reached = at + 1, interruption.reached
     assert at > 25

@@ -62,7 +62,7 @@ class LoopChild:
         return self._death
 
     def note_raised(self, error: BaseException) -> None:
-        """Note that the present thread raises `error`, which may be that of `error()`."""
+        """Remember that the present thread raises `error`, if this error tells how the process has ended."""
         if error in (self.stop, self._death):
             self._raised.is_error = True
 

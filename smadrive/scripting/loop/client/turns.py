@@ -38,7 +38,7 @@ class Turns:
 
     @property
     def is_ended(self) -> bool:
-        """True if a thread has switched off since the thread of the present turn began to wait for its turn."""
+        """True if a thread switched off when the thread of the present turn began to wait for it, or since then."""
         return self._begun_offs != self._offs_before
 
     def check_may_wait(self) -> None:
@@ -58,8 +58,8 @@ class Turns:
         SafetyError if another thread switches off: a long request that waits behind this must not heat the wire again.
         """
         self.check_may_wait()
-        self._in_turn.is_active = True  # before the lock: a handler that waited for it would wait for ever
         try:
+            self._in_turn.is_active = True  # before the lock: a handler that waited for it would wait for ever
             offs_before = self._begun_offs - self._active_offs
             with self._one_turn:
                 self._offs_before = offs_before
@@ -70,10 +70,10 @@ class Turns:
             self._in_turn.is_active = False
 
     @contextmanager
-    def others_ended(self) -> Iterator[None]:
+    def others_ended(self, end_servo: Callable[[], None]) -> Iterator[None]:
         """End the long request of the present turn, and let none begin until the end of the `with` block.
 
-        The request of a servo does not end: its own command stops it.
+        The request of a servo ends by its own command, which `end_servo` sends. An interruption is raised after that.
         """
         is_counted = False
         try:
@@ -81,6 +81,7 @@ class Turns:
                 with self._one_count:
                     self._begun_offs, self._active_offs, is_counted = self._begun_offs + 1, self._active_offs + 1, True
                 self._end_request(ended_by_thread())
+                end_servo()
             yield
         finally:
             if is_counted:
@@ -89,6 +90,6 @@ class Turns:
 
 
 def ended_by_thread() -> SafetyError:
-    """Return the error of a request that another thread has ended."""
-    what, cure = "another thread has called off() or close()", "run the wire again if this was not meant"
+    """Return the error of a request that a thread has ended by switching off."""
+    what, cure = "ended by off() or close()", "run the wire again if this was not meant"
     return SafetyError(what, where="loop process", cure=cure)

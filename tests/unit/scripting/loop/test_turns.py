@@ -14,6 +14,10 @@ from smadrive.scripting.loop.client.turns import Turns
 from smadrive.scripting.loop.messages import CoolDownRequest, MeasureRequest
 
 
+def no_servo():
+    """The rig has no servo that could be ended."""
+
+
 class WaitingThread(threading.Thread):
     """A thread that wants to carry out `request`. `error` is what it gets instead of its turn, or None."""
 
@@ -43,7 +47,7 @@ def test_long_request_that_waited_while_another_thread_switched_off_is_refused(r
         waiting = WaitingThread(turns, request_)
         waiting.start()
         waiting.waits.wait()
-        with turns.others_ended():
+        with turns.others_ended(no_servo):
             pass
     waiting.join()
     assert (waiting.error is not None) == is_refused
@@ -53,7 +57,7 @@ def test_request_is_ended_by_an_off_that_is_over():
     turns = Turns(lambda _error: None)
     with turns.turn(CoolDownRequest(1.0)):
         assert not turns.is_ended
-        with turns.others_ended():
+        with turns.others_ended(no_servo):
             assert turns.is_switching_off
         assert turns.is_ended
         assert not turns.is_switching_off
@@ -61,15 +65,15 @@ def test_request_is_ended_by_an_off_that_is_over():
         assert not turns.is_ended
 
 
-def test_interrupted_off_ends_the_request_or_has_not_begun():
+def test_interrupted_off_ends_request_and_servo_or_has_not_begun():
     at, reached = 0, True
     while reached:
-        ended = []
+        ended, servo_ended = [], []
         turns = Turns(ended.append)
         interruption = InterruptedLine(at, module, interrupt=partial(signal.raise_signal, signal.SIGINT))
         with turns.turn(MeasureRequest()):
-            with interruption, turns.others_ended():
+            with interruption, turns.others_ended(lambda ends=servo_ended: ends.append(True)):
                 pass
-            assert bool(ended) == turns.is_ended
+            assert bool(ended) == bool(servo_ended) == turns.is_ended
         at, reached = at + 1, interruption.reached
     assert at > 5
