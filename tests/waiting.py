@@ -1,4 +1,4 @@
-"""Waiting for a condition, and for the end of a log that another process writes."""
+"""Waiting for a condition, and for a log that another process writes."""
 
 import time
 from contextlib import suppress
@@ -14,7 +14,16 @@ def wait_for(condition):
 
 
 def has_ended(log_file):
-    """Return True if the log is complete. Its writer may just be changing the structure of the file (see writer.py)."""
+    """Return True if the log is complete."""
+    return any(log.end_time for log in readable(log_file))
+
+
+def has_rows(log_file):
+    """Return True if the run has begun, and its first second is in the log."""
+    return any(len(log.column("time_s")) for log in readable(log_file))
+
+
+def readable(log_file):
+    """Yield the log, or nothing while its writer changes the structure of the file (see writer.py)."""
     with suppress(DataError):
-        return bool(read_log(log_file).end_time)
-    return False
+        yield read_log(log_file)

@@ -182,7 +182,10 @@ def test_reading_right_after_the_first_set_waits_for_a_tick(rig, wire):
 
 @pytest.mark.exhaustive
 def test_emergency_stop_fails_the_motion_and_lets_stop_return(identified, tmp_path, monkeypatch):
-    """A run engine stops several devices one after the other: an error that is no Exception would end that."""
+    """A run engine stops several devices one after the other: an error that is no Exception would end that.
+
+    The script gets this error when it closes the rig, so that it does not heat again.
+    """
     monkeypatch.chdir(tmp_path)
     with served() as (_, url):
         text = (configs_dir() / "rigs" / "simulated.toml").read_text()
@@ -198,3 +201,5 @@ def test_emergency_stop_fails_the_motion_and_lets_stop_return(identified, tmp_pa
             assert isinstance(motion.exception(60.0), StoppedError), off.stderr
             wire.stop()
             assert not wire._servo.is_running
+            with pytest.raises(StoppedError):
+                rig.close()

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from marks import exhaustive
 from signal_injection import InterruptedLine
-from waiting import has_ended, wait_for
+from waiting import has_ended, has_rows, wait_for
 
 import smadrive
 from smadrive.cli import INTERRUPTED
@@ -85,7 +85,7 @@ def test_signals_that_the_parent_blocks_reach_a_command(tmp_path):
     command = [sys.executable, "-m", "smadrive", "heat", "in-process", "--current", "0.2", "--for", str(DAY_S)]
     with blocked_signals():
         process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-    wait_for((tmp_path / "heat.h5").exists)
+    wait_for(lambda: has_rows(tmp_path / "heat.h5"))
     process.terminate()
     try:
         _, errors = process.communicate(timeout=60)
