@@ -73,8 +73,8 @@ class HeldSignals:
                     if handler is not None and handler != signal.SIG_IGN:
                         self._handlers[number] = handler
                         signal.signal(number, self._count)
-                self._may_abort = True
                 signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
+                self._may_abort = True
             except BaseException:  # of the handler of another signal, or of one that another thread has taken
                 self._is_active = False
                 signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)

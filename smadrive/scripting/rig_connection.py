@@ -121,9 +121,11 @@ class RigConnection:
 
         An error of the servo is raised after `switch_off`. After an interruption all runs end, too.
         """
+        servo = self._servo if self._servo is not None and self._servo.is_running else None
         with self._client.turns.others_ended(self._request_servo_end):
             try:
-                self._stop_servo()
+                if servo is not None:
+                    servo.stop()
             except BaseException as error:
                 switch_off_after(error, self._stop_servo)  # an interruption may have come before its command
                 switch_off_after(error, switch_off)

@@ -28,7 +28,7 @@ from smadrive.scripting.arguments import (
     travel_limits_mm,
 )
 from smadrive.scripting.callbacks import is_callback, succeeds
-from smadrive.scripting.loop.client.loop_client import LoopClient
+from smadrive.scripting.loop.client.loop_client import LOOK_S, LoopClient
 from smadrive.scripting.loop.messages import DrivenRun, ServoRequest
 from smadrive.scripting.loop.servo.messages import (
     FollowCommand,
@@ -214,11 +214,11 @@ class Servo:
             self.request_end()
         if is_callback():
             return
-        had_turn = self._client.carries_out(self._request)  # otherwise it waits for a run of another thread
-        while not self._is_replied.wait(STOPS_WITHIN_S):
-            if had_turn:
+        turn_s = 0.0  # the servo may still wait for a run of another thread
+        while not self._is_replied.wait(LOOK_S):
+            turn_s += LOOK_S * self._client.carries_out(self._request)
+            if turn_s > STOPS_WITHIN_S:
                 self._client.kill()
-            had_turn = self._client.carries_out(self._request)
         self._thread.join()
 
     def _run(self) -> None:

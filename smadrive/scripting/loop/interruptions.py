@@ -96,6 +96,7 @@ class RequestSignals:
         if not self._is_active:
             return
         try:
+            self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())  # a handler of the script may have changed it
             signal.pthread_sigmask(signal.SIG_BLOCK, self._handlers)  # a handler may raise: all are restored first
             self._is_active = False
             for number, handler in self._handlers.items():

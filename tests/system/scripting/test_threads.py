@@ -85,9 +85,9 @@ def test_signals_that_the_parent_blocks_reach_a_command(tmp_path):
     command = [sys.executable, "-m", "smadrive", "heat", "in-process", "--current", "0.2", "--for", str(DAY_S)]
     with blocked_signals():
         process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
-    wait_for(lambda: has_rows(tmp_path / "heat.h5"))
-    process.terminate()
     try:
+        wait_for(lambda: has_rows(tmp_path / "heat.h5") or process.poll() is not None)
+        process.terminate()
         _, errors = process.communicate(timeout=60)
     finally:
         process.kill()
@@ -121,13 +121,18 @@ def test_run_whose_thread_does_not_go_on_is_ended_by_another_one(tmp_path):
 def interrupted_at(turns):
     """In the block, interrupt the main thread once while it switches off."""
 
-    def interrupt():
-        wait_for(lambda: turns.is_switching_off)
-        time.sleep(0.2)  # until it waits for its turn
-        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+    is_over = threading.Event()
 
-    threading.Thread(target=interrupt, daemon=True).start()
-    yield
+    def interrupt():
+        wait_for(lambda: turns.is_switching_off or is_over.is_set())
+        if not is_over.wait(0.2):  # by then it waits for its turn
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with set_at_last(is_over):
+        yield
+    thread.join()
 
 
 @pytest.mark.exhaustive
@@ -203,7 +208,8 @@ def test_interruption_of_off_leaves_no_servo_that_heats(tmp_path, identified):
                 rig.off()
             if rig._client.turns._begun_offs == offs:  # the interruption came before off() had begun
                 servo.stop()
-            wait_for(lambda ending=servo: not ending.is_running)
+            servo._thread.join(60.0)
+            assert not servo.is_running
             assert not rig.measure().armed
             at, reached = at + 1, interruption.reached
     assert at > 25
