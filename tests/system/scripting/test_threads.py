@@ -70,6 +70,7 @@ def blocked_signals():
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
+@pytest.mark.exhaustive
 def test_signals_that_the_script_blocks_reach_its_loop_process(tmp_path):
     with blocked_signals():
         rig = smadrive.open_rig("in-process")
@@ -215,6 +216,7 @@ def test_interruption_of_off_leaves_no_servo_that_heats(tmp_path, identified):
     assert at > 25
 
 
+@pytest.mark.exhaustive
 def test_only_one_of_two_threads_gets_a_servo(tmp_path, identified):
     wire = smadrive.load_wire(identified.wire_file)
     with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
@@ -225,7 +227,8 @@ def test_only_one_of_two_threads_gets_a_servo(tmp_path, identified):
         assert {type(one.exception()) for one in begun} == {ConfigError, type(None)}
 
 
-@pytest.mark.parametrize("kind", ["servo", exhaustive("heat")])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("kind", ["servo", "heat"])
 def test_close_tells_that_the_loop_process_died_under_another_thread(tmp_path, identified, kind):
     log, wire = tmp_path / "run.h5", smadrive.load_wire(identified.wire_file)
     with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:

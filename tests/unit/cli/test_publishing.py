@@ -53,6 +53,7 @@ def test_counts_that_cannot_be_printed_are_an_error_without_another_one(fill_dis
     assert raised.value.where == "standard output"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(mosquitto.missing() is not None, reason=str(mosquitto.missing()))
 def test_broker_is_not_blamed_if_nothing_was_measured(tmp_path, capsys):
     """As when another program drives the rig, so the command ends before its first sample."""
