@@ -121,7 +121,6 @@ def test_run_whose_thread_does_not_go_on_is_ended_by_another_one(tmp_path):
 @contextmanager
 def interrupted_at(turns):
     """In the block, interrupt the main thread once while it switches off."""
-
     is_over = threading.Event()
 
     def interrupt():

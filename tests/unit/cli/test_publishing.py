@@ -1,4 +1,4 @@
-"""What a command prints about its publication at the end; a failed print does not hide the error of the run."""
+"""The counts that a command prints at the end of its publication. If the print fails, the run keeps its error."""
 
 import sys
 from pathlib import Path
