@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Self
@@ -41,20 +41,80 @@ class AbortedError(KeyboardInterrupt):
     """`ABORTS_AT` signals arrived while signals were held."""
 
 
+class ReplacedHandlers:
+    """Signal handlers of the program, with `handle(number, frame, handler)` called in the place of each `handler`.
+
+    Python calls a handler between any two instructions, and a handler may raise. So the signals are blocked while their
+    handlers are replaced or restored. If an error of another handler cuts the restoring, each handler that is left
+    gives way to the program's own at its next signal.
+    """
+
+    def __init__(self, handle: Callable[[int, FrameType | None, Handler], None]) -> None:
+        self._handle = handle
+        self._handlers: dict[int, Handler] = {}
+        self._mask: set[int] = set()
+        self._is_active = False
+
+    def replace(self, numbers: Iterable[int], is_replaced: Callable[[int, Handler], bool]) -> None:
+        """Replace the handlers of `numbers` for which `is_replaced(number, handler)` is true.
+
+        Outside the main thread none is replaced, because signals arrive in the main thread only.
+        """
+        if threading.current_thread() is not threading.main_thread():
+            return
+        numbers = set(numbers)
+        self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+        try:
+            self._is_active = True
+            signal.pthread_sigmask(signal.SIG_BLOCK, numbers)
+            for number in numbers:
+                handler = signal.getsignal(number)
+                if handler is not None and is_replaced(number, handler):  # None: a handler that is not of Python
+                    self._handlers[number] = handler
+                    signal.signal(number, self._act)
+            signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
+        except BaseException:  # of a handler that was not replaced yet, or of one that another thread has taken
+            self._is_active = False
+            signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
+            raise
+
+    def restore(self) -> None:
+        """Give the signals back to the program's own handlers. A handler that was set meanwhile stays."""
+        if not self._is_active:
+            return
+        try:
+            self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())  # a handler may have changed it
+            signal.pthread_sigmask(signal.SIG_BLOCK, self._handlers)
+            self._is_active = False
+            for number, handler in self._handlers.items():
+                if signal.getsignal(number) == self._act:
+                    signal.signal(number, handler)
+        finally:
+            self._is_active = False
+            signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
+
+    def _act(self, number: int, frame: FrameType | None) -> None:
+        handler = self._handlers[number]
+        if self._is_active:
+            self._handle(number, frame, handler)
+        else:
+            signal.signal(number, handler)
+            signal.raise_signal(number)
+
+
 class HeldSignals:
     """A context manager that counts `SIGNALS` instead of obeying them.
 
     `received` lists the signals of an earlier block (`before`), then the signals that arrived in the `with` block.
     The `ABORTS_AT`-th signal ends the block with AbortedError. At the end of the block, the program's own handler is
     called for this signal, and may raise another error instead. The caller decides about the earlier signals. Ignored
-    signals stay ignored. Outside the main thread no signal is held, because signals arrive in the main thread only.
+    signals stay ignored. Outside the main thread no signal is held.
     """
 
     def __init__(self, before: Sequence[signal.Signals] = ()) -> None:
         self.received = [*before]
-        self._handlers: dict[int, Handler] = {}
-        self._mask: set[int] = set()
-        self._is_active = self._may_abort = False
+        self._handlers = ReplacedHandlers(self._count)
+        self._may_abort = False
 
     @property
     def aborted(self) -> bool:
@@ -63,46 +123,20 @@ class HeldSignals:
 
     def __enter__(self) -> Self:
         """Hold the signals from now on."""
-        if threading.current_thread() is threading.main_thread():
-            self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
-            try:
-                self._is_active = True
-                signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # a handler may raise: all are replaced first
-                for number in SIGNALS:
-                    handler = signal.getsignal(number)
-                    if handler is not None and handler != signal.SIG_IGN:
-                        self._handlers[number] = handler
-                        signal.signal(number, self._count)
-                signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
-                self._may_abort = True
-            except BaseException:  # of the handler of another signal, or of one that another thread has taken
-                self._is_active = False
-                signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
-                raise
+        self._handlers.replace(SIGNALS, lambda _number, handler: handler != signal.SIG_IGN)
+        self._may_abort = True
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Give the signals back to the program's own handlers."""
-        if not self._is_active:
-            return
-        try:
-            self._may_abort = False
-            signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # a handler may raise: all are restored first
-            for number, handler in self._handlers.items():
-                signal.signal(number, handler)
-        finally:
-            self._is_active = False
-            signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
+        self._may_abort = False
+        self._handlers.restore()
         if isinstance(error, AbortedError):
             signal.raise_signal(self.received[-1])
 
-    def _count(self, number: int, _frame: FrameType | None) -> None:
-        if not self._is_active:  # the error of another handler has cut the block before this one was restored
-            signal.signal(number, self._handlers[number])
-            signal.raise_signal(number)
-            return
+    def _count(self, number: int, _frame: FrameType | None, _handler: Handler) -> None:
         self.received.append(signal.Signals(number))
         if self._may_abort and self.aborted:
             self._may_abort = False

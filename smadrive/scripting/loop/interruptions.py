@@ -18,11 +18,11 @@ before the request begins.
 from __future__ import annotations
 
 import signal
-import threading
 from enum import Enum, auto
 from types import FrameType, TracebackType
 from typing import Any, Self
 
+from smadrive.interrupts import Handler, ReplacedHandlers
 from smadrive.safety.shutdown import carry, shutdown_of
 from smadrive.scripting.loop.messages import Failure, Result
 
@@ -49,16 +49,13 @@ class RequestSignals:
 
     SIGINT is counted in `count`. Every other handler is called as usual, but the exception that it raises is kept in
     `error`, to be raised after the request has ended. `passed_on` is the number of interruptions that were sent to the
-    loop process for the request `number`. An ignored SIGINT stays ignored. Outside the main thread nothing changes,
-    because signals arrive in the main thread only.
+    loop process for the request `number`. An ignored SIGINT stays ignored. Outside the main thread nothing changes.
     """
 
     def __init__(self) -> None:
         self.count, self.passed_on, self.number = 0, 0, 0
         self.error: BaseException | None = None
-        self._handlers: dict[int, Any] = {}
-        self._mask: set[int] = set()
-        self._is_active = False
+        self._handlers = ReplacedHandlers(self._handle)
 
     @property
     def interruptions(self) -> int:
@@ -72,52 +69,28 @@ class RequestSignals:
 
     def __enter__(self) -> Self:
         """Count and keep from now on."""
-        if threading.current_thread() is threading.main_thread():
-            self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())
-            try:
-                self._is_active = True
-                signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
-                for number in signal.valid_signals():
-                    handler = signal.getsignal(number)
-                    if callable(handler) or (number == signal.SIGINT and handler == signal.SIG_DFL):
-                        self._handlers[number] = handler
-                        signal.signal(number, self._handle)
-                signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
-            except BaseException:  # of a handler that was not replaced yet
-                self._is_active = False
-                signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
-                raise
+        self._handlers.replace(signal.valid_signals(), _may_raise)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Give the signals back to the handlers of the script."""
-        if not self._is_active:
+        self._handlers.restore()
+
+    def _handle(self, number: int, frame: FrameType | None, handler: Any) -> None:
+        if number == signal.SIGINT:
+            self.count += 1
             return
         try:
-            self._mask = signal.pthread_sigmask(signal.SIG_BLOCK, ())  # a handler of the script may have changed it
-            signal.pthread_sigmask(signal.SIG_BLOCK, self._handlers)  # a handler may raise: all are restored first
-            self._is_active = False
-            for number, handler in self._handlers.items():
-                if signal.getsignal(number) == self._handle:  # otherwise a handler has chosen another one
-                    signal.signal(number, handler)
-        finally:
-            self._is_active = False
-            signal.pthread_sigmask(signal.SIG_SETMASK, self._mask)
+            handler(number, frame)
+        except BaseException as error:  # noqa: BLE001 (raised after the request has ended)
+            self.keep(error)
 
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        handler = self._handlers[number]
-        if not self._is_active:  # the error of another handler has cut the block before this one was restored
-            signal.signal(number, handler)
-            signal.raise_signal(number)
-        elif number == signal.SIGINT:
-            self.count += 1
-        else:
-            try:
-                handler(number, frame)
-            except BaseException as error:  # noqa: BLE001 (raised after the request has ended)
-                self.keep(error)
+
+def _may_raise(number: int, handler: Handler) -> bool:
+    """Return True if the handler may raise in the script, or if it is the default one of SIGINT, which ends it."""
+    return callable(handler) or (number == signal.SIGINT and handler == signal.SIG_DFL)
 
 
 def error_to_raise(reply: Result | Failure, signals: RequestSignals) -> BaseException | None:

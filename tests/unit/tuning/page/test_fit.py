@@ -8,6 +8,7 @@ import sys
 import time
 from html import unescape
 from multiprocessing import active_children
+from multiprocessing.connection import wait
 
 import numpy as np
 import pytest
@@ -150,8 +151,7 @@ def test_closing_ends_a_fit_that_runs():
     fitter._pool.submit(time.sleep, 600.0)
     (process,) = (one for one in active_children() if one not in others)
     fitter.close()
-    process.join(PATIENCE_S)
-    assert process.exitcode is not None
+    assert wait([process.sentinel], PATIENCE_S)  # not its exit code: the thread of the pool may be the one that gets it
 
 
 def test_fit_ends_with_a_killed_page_process(tmp_path):
