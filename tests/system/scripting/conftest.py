@@ -1,8 +1,8 @@
 """A rig that a script has opened for all tests of a file, and a wire identified on the same simulated device."""
 
 import os
-import pickle
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,11 +20,10 @@ def rig(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def wire(rig, identified, once_per_run):
-    """The wire of the log `excitation.h5`, which lies in the folder of the rig's logs."""
-    log_file = shutil.copy(identified.log.path, "excitation.h5")
+def wire(rig, identified):
+    """The wire of the log `excitation.h5`, which lies in the folder of the rig's logs.
 
-    def identify(folder):
-        (folder / "wire.pickle").write_bytes(pickle.dumps(smadrive.identify(log_file)))
-
-    return pickle.loads((once_per_run("scripted", identify) / "wire.pickle").read_bytes())  # noqa: S301 (of this run)
+    It has no file: the runs of these tests add to no health record.
+    """
+    shutil.copy(identified.log.path, "excitation.h5")
+    return replace(smadrive.load_wire(identified.wire_file), source="")

@@ -32,6 +32,12 @@ def rules():
     return identify_tsfuzzy(PATH, duhem(SHAPE).simulate(PATH), sets=11).model
 
 
+@pytest.fixture(scope="module")
+def few_rules():
+    """Rules for the tests that need no accuracy."""
+    return identify_tsfuzzy(PATH[::5], duhem(SHAPE).simulate(PATH[::5]), sets=6, fit_centres=False).model
+
+
 def test_shape_is_that_of_the_gaussians():
     assert shape_of(duhem(SHAPE)) == pytest.approx(SHAPE, abs=0.02)
 
@@ -45,9 +51,11 @@ def test_duhem_model_moves_exactly(move):
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("move", MOVES)
 def test_rules_move_closely_and_stay_certified(rules, move):
-    shape = shape_of(rules)._replace(**move)
+    """The scale of the rules is compared by its change: it includes what lies beyond the record, which is a guess."""
+    own, aim = shape_of(rules), SHAPE._replace(**move)
+    shape = own._replace(**move)._replace(scale=own.scale * aim.scale / SHAPE.scale)
     moved = reshaped(rules, shape)
-    error = moved.simulate(PATH) - duhem(SHAPE._replace(**move)).simulate(PATH)
+    error = moved.simulate(PATH) - duhem(aim).simulate(PATH)
     assert shape_of(moved) == pytest.approx(shape, abs=0.1)
     assert np.sqrt(np.mean(error**2)) < 0.012 * SHAPE.scale
     assert moved.certificate().holds
@@ -72,16 +80,16 @@ def test_sets_that_leave_the_range_stay_apart():
     assert shape_of(moved).mu_heating == pytest.approx(shape.mu_heating + 11.0, abs=0.5)
 
 
-def test_falling_output_keeps_its_sign(rules):
+def test_falling_output_keeps_its_sign(few_rules):
     falling = TSFuzzyDuhem(
-        TriangularSets(rules.sets.centres),
-        a_heating=rules.heating_law[0],
-        b_heating=rules.heating_law[1],
-        a_cooling=rules.cooling_law[0],
-        b_cooling=rules.cooling_law[1],
+        TriangularSets(few_rules.sets.centres),
+        a_heating=few_rules.heating_law[0],
+        b_heating=few_rules.heating_law[1],
+        a_cooling=few_rules.cooling_law[0],
+        b_cooling=few_rules.cooling_law[1],
         scale=-12.0,
         offset=12.0,
-        input_range=rules.input_range,
+        input_range=few_rules.input_range,
     )
     assert reshaped(falling, shape_of(falling)._replace(scale=-10.0)).scale == -10.0
     with pytest.raises(ModelError) as error:
@@ -101,23 +109,23 @@ def test_falling_output_keeps_its_sign(rules):
     ],
 )
 @pytest.mark.parametrize("kind", ["duhem", "rules"])
-def test_impossible_shape_is_rejected_by_name(rules, kind, move):
-    model = rules if kind == "rules" else duhem(SHAPE)
+def test_impossible_shape_is_rejected_by_name(few_rules, kind, move):
+    model = few_rules if kind == "rules" else duhem(SHAPE)
     with pytest.raises(ModelError) as error:
         reshaped(model, shape_of(model)._replace(**move))
     assert [error.value.where] == list(move)
 
 
-def test_rules_without_a_branch_cannot_be_moved(rules):
-    (a_heating, _), (a_cooling, b_cooling) = rules.heating_law, rules.cooling_law
+def test_rules_without_a_branch_cannot_be_moved(few_rules):
+    (a_heating, _), (a_cooling, b_cooling) = few_rules.heating_law, few_rules.cooling_law
     never_rises = TSFuzzyDuhem(
-        rules.sets,
+        few_rules.sets,
         a_heating=a_heating,
         b_heating=np.zeros_like(a_heating),
         a_cooling=a_cooling,
         b_cooling=b_cooling,
-        scale=rules.scale,
-        input_range=rules.input_range,
+        scale=few_rules.scale,
+        input_range=few_rules.input_range,
     )
     assert shape_of(never_rises).sigma_heating == 0.0
     with pytest.raises(ModelError) as error:
