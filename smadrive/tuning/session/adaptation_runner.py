@@ -102,7 +102,7 @@ class AdaptationRunner:
             return f"adaptation ended: {impossible}"
         if tuning.change != ADAPTED and tuning is not self._started_from:
             self.switch(True, tuning)
-        if source is not None and source.failed:
+        if source is not None and source.compared.failed:
             self._adaptation.end(SENSOR_FAILED)
         is_replaced = source is not None and source.is_replaced
         wire = None if self._estimate is None else self._estimate.hysteresis

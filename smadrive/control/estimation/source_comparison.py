@@ -1,0 +1,174 @@
+"""Compares a displacement sensor with the displacement by the resistance of the wire, and finds which one is wrong.
+
+Each is also compared with the model. The difference d of a source from the model is summed over the ticks, and
+forgotten with the time constant `FORGET_S`, so that a slow error of the model does not count:
+
+    d <- d exp(-Δt/FORGET_S) + (change of the source) - (change that the model predicts)
+
+A gap in the readings of the resistance counts as one long tick. While the wire is cold, its resistance shows no
+displacement, and d of the sensor is not forgotten: the sensor may slip then. D is the mean difference of sensor and
+resistance, with the weight `WEIGHT` of the latest sample. The sensor is implausible in a tick if all of this holds:
+
+    |D| exceeds the limit
+    |d| of the sensor exceeds the limit, and 1/`EXPLAINS` of |D| and of the latest difference
+    |d| of the resistance is less than half of |d| of the sensor
+
+The limit is `MOST_SHARE` strokes, or `MOST_NOISES` standard deviations of the displacement by the resistance if that is
+more. The sensor has failed after `FAILS_TICKS` implausible ticks in a row that last `FAILS_S` at least.
+
+The resistance is wrong, because a contact has changed or a meter shows wrong values, if the same holds the other way
+round for as long: |D| exceeds the limit, |d| of the resistance exceeds it, and |d| of the sensor is less than half of
+that. If |D| exceeds the limit for `UNDECIDED_S` and neither is found to be wrong, the resistance is taken for wrong.
+Its d then becomes that of the sensor, so only the motion from now on is compared: the power of the model comes from the
+same meters, so both may move differently from the model. The resistance is right again when the two have agreed, |D|
+below `MOST_SHARE` strokes, for more than `RETURNS_TICKS` ticks in a row.
+
+A sensor that gives readings again after a gap may have slipped meanwhile, if the resistance is right. It is confirmed
+when it has been plausible for more than `RETURNS_TICKS` ticks in a row, and agrees with the resistance.
+"""
+
+from __future__ import annotations
+
+from math import exp, isfinite, nan
+from typing import NamedTuple
+
+from smadrive.control.estimation.resistance_sensor import DisplacementReading
+
+FORGET_S = 3.0
+MOST_SHARE, MOST_NOISES = 0.03, 2.5
+EXPLAINS = 3.0
+WEIGHT = 0.2
+FAILS_TICKS, FAILS_S = 5, 0.25
+UNDECIDED_S = 3.0
+RETURNS_TICKS = 20
+
+
+class Compared(NamedTuple):
+    """The state of the comparison.
+
+    apart_mm               difference d between the sensor and the model, mm
+    resistance_apart_mm    difference d between the displacement by the resistance and the model, mm
+    disagreement_mm        mean difference D of sensor - resistance, mm; NaN before the first difference, and before the
+                           first difference after a gap in the readings of the sensor
+    before_mm              displacement by the sensor in the last tick, mm; NaN if there was none
+    resistance_due_mm      displacement by the resistance that its last reading and the model predict, mm; NaN before
+                           its first reading
+    suspect_ticks          number of latest ticks in a row with an implausible sensor
+    evidence               share of the ticks in a row after which the resistance is wrong, 0 to 1
+    valid_ticks            number of latest ticks in a row with a plausible reading of the sensor
+    has_sensor             True after the first reading of the sensor
+    is_confirmed           False after a gap in the readings of the sensor, until the sensor is confirmed
+    agreeing_ticks         number of latest ticks in a row in which sensor and resistance agreed
+    failed                 True once the sensor was implausible for long enough, until the end of the run
+    is_resistance_wrong    True while the resistance is wrong, and the sensor has not failed
+    """
+
+    apart_mm: float = 0.0
+    resistance_apart_mm: float = 0.0
+    disagreement_mm: float = nan
+    before_mm: float = nan
+    resistance_due_mm: float = nan
+    suspect_ticks: int = 0
+    evidence: float = 0.0
+    valid_ticks: int = 0
+    has_sensor: bool = False
+    is_confirmed: bool = True
+    agreeing_ticks: int = 0
+    failed: bool = False
+    is_resistance_wrong: bool = False
+
+    @property
+    def is_valid(self) -> bool:
+        """True if the sensor has been plausible for long enough."""
+        return self.valid_ticks > RETURNS_TICKS
+
+    @property
+    def is_sensor_wrong(self) -> bool:
+        """True if the sensor has failed, or has given readings again for a while that the resistance contradicts."""
+        return self.failed or (not self.is_confirmed and self.is_valid and isfinite(self.disagreement_mm))
+
+
+class SourceComparison:
+    """Compares the sensor with the resistance. `stroke_mm` is the stroke, `period_s` the period of the loop."""
+
+    def __init__(self, stroke_mm: float, period_s: float) -> None:
+        self._most_mm = MOST_SHARE * stroke_mm
+        self._fails_ticks = max(FAILS_TICKS, round(FAILS_S / period_s))
+        self._undecided_ticks = max(FAILS_TICKS, round(UNDECIDED_S / period_s))
+
+    def update(
+        self,
+        state: Compared,
+        sensor: DisplacementReading,
+        resistance: DisplacementReading,
+        predicted_mm: float,
+        dt_s: float,
+        *,
+        is_cold: bool,
+    ) -> Compared:
+        """Return the state after sensor and resistance are compared with each other and with the model.
+
+        `predicted_mm` is the change of the displacement that the model predicts for this tick of `dt_s`. `is_cold` is
+        True while the wire is so cold that its resistance shows no displacement.
+        """
+        is_read, latest_mm = isfinite(sensor.mm), sensor.mm - resistance.mm
+        is_back = is_read and state.has_sensor and not isfinite(state.before_mm)
+        may_have_slipped = is_back and not state.is_resistance_wrong
+        apart_mm = _apart(state, sensor.mm, predicted_mm, 0.0 if is_cold else dt_s)
+        if may_have_slipped and isfinite(latest_mm):
+            apart_mm = latest_mm
+        due_mm = state.resistance_due_mm + predicted_mm
+        other_mm = _resistance_apart(state, resistance.mm, due_mm, dt_s)
+        mean_mm = _mean(state.disagreement_mm, latest_mm, is_first=is_back)
+        limit_mm = max(self._most_mm, MOST_NOISES * resistance.noise_mm)  # NaN noise: max returns the first
+        differs = isfinite(latest_mm) and abs(mean_mm) > limit_mm
+        least_mm = max(limit_mm, abs(mean_mm) / EXPLAINS, abs(latest_mm) / EXPLAINS)
+        is_suspect = differs and abs(apart_mm) > least_mm and abs(other_mm) < 0.5 * abs(apart_mm)
+        suspect_ticks = state.suspect_ticks + 1 if is_suspect else 0
+        valid_ticks = state.valid_ticks + 1 if is_read and not is_suspect else 0
+        failed = state.failed or suspect_ticks >= self._fails_ticks
+        agreeing_ticks = state.agreeing_ticks + 1 if isfinite(latest_mm) and abs(mean_mm) < self._most_mm else 0
+        is_agreed = agreeing_ticks > 0 and valid_ticks > RETURNS_TICKS
+        is_confirmed = not may_have_slipped and (state.is_confirmed or is_agreed)
+        is_clear = abs(other_mm) > limit_mm and abs(apart_mm) < 0.5 * abs(other_mm)
+        weight = 1.0 / (self._fails_ticks if is_clear else self._undecided_ticks)
+        evidence = min(1.0, state.evidence + weight) if differs and not is_suspect and is_confirmed else 0.0
+        is_found = evidence == 1.0 > state.evidence
+        is_wrong = is_found or (state.is_resistance_wrong and agreeing_ticks <= RETURNS_TICKS)
+        return Compared(
+            apart_mm=apart_mm,
+            resistance_apart_mm=apart_mm if is_found else other_mm,
+            disagreement_mm=mean_mm,
+            before_mm=sensor.mm,
+            resistance_due_mm=resistance.mm if isfinite(resistance.mm) else due_mm,
+            suspect_ticks=suspect_ticks,
+            evidence=evidence,
+            valid_ticks=valid_ticks,
+            has_sensor=state.has_sensor or is_read,
+            is_confirmed=is_confirmed,
+            agreeing_ticks=agreeing_ticks,
+            failed=failed,
+            is_resistance_wrong=is_wrong and not failed,
+        )
+
+
+def _apart(state: Compared, now_mm: float, predicted_mm: float, forgets_s: float) -> float:
+    """Return d of the sensor after a tick that forgets as in the time `forgets_s`; 0 without two readings in a row."""
+    change_mm = now_mm - state.before_mm - predicted_mm
+    return exp(-forgets_s / FORGET_S) * state.apart_mm + change_mm if isfinite(change_mm) else 0.0
+
+
+def _resistance_apart(state: Compared, now_mm: float, due_mm: float, dt_s: float) -> float:
+    """Return d of the resistance after a tick of `dt_s` in which the model predicts `due_mm`."""
+    change_mm = now_mm - due_mm
+    return exp(-dt_s / FORGET_S) * state.resistance_apart_mm + (change_mm if isfinite(change_mm) else 0.0)
+
+
+def _mean(mean_mm: float, latest_mm: float, *, is_first: bool) -> float:
+    """Return the mean difference D after the difference `latest_mm`, which may be NaN.
+
+    `is_first` marks the first reading of the sensor after a gap: earlier differences do not count then.
+    """
+    if is_first or not isfinite(mean_mm):
+        return latest_mm
+    return mean_mm + WEIGHT * (latest_mm - mean_mm) if isfinite(latest_mm) else mean_mm
