@@ -68,6 +68,9 @@ def config_file(name: str | Path, expected: FileKind) -> Path:
     ConfigError when the file is of another kind than `expected`, or when no shipped file has that name.
     """
     path, shipped = Path(name), _shipped(expected.folder)
+    if not str(name).strip():
+        cure = f"{expected.cure}, or the name of a shipped one: {', '.join(shipped)}"
+        raise ConfigError("the name is empty", where=expected.what, cure=cure)
     if path.suffix != ".toml" and str(name) in shipped:
         return shipped[str(name)]
     check_kind(path, expected, cure=f"{expected.cure}, or the name of a shipped one: {', '.join(shipped)}")

@@ -36,14 +36,17 @@ def suggestion_or_list(name: str, names: Iterable[str]) -> str:
 def suggested_file(path: Path) -> str:
     """Return `did you mean 'x'?`; x is the file with the most similar name in the same folder.
 
-    Only files with the same ending are compared, and only by their names without this ending. The result is "" if no
-    name is similar.
+    Files with the same ending are compared by their names without it, and those with the same name by their endings.
+    The result is "" if neither is similar.
     """
-    stems: list[str] = []
+    others: list[Path] = []
     with suppress(OSError, ValueError):
-        stems = [one.stem for one in path.parent.iterdir() if one.suffix == path.suffix]
-    near = nearest_name(path.stem, stems)
-    return "" if near is None else f"did you mean '{path.with_name(near + path.suffix)}'?"
+        others = list(path.parent.iterdir())
+    stem = nearest_name(path.stem, [one.stem for one in others if one.suffix == path.suffix])
+    ending = nearest_name(path.suffix, [one.suffix for one in others if one.stem == path.stem])
+    if stem is None and ending is None:
+        return ""
+    return f"did you mean '{path.with_name((stem or path.stem) + (path.suffix if stem else ending or ''))}'?"
 
 
 def missing_file_cure(path: Path) -> str:

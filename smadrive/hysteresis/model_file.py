@@ -83,9 +83,10 @@ def read_model(path: str | os.PathLike[str]) -> str:
         if size > MOST_BYTES:
             raise ModelError("too large", where=path, value=f"{size} bytes", limit=MOST_BYTES, cure=CURE)
         return Path(path).read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise ModelError("no such file", where=path, cure=missing_file_cure(Path(path))) from error
     except OSError as error:
-        cure = missing_file_cure(Path(path))
-        raise ModelError(f"cannot be read: {error.strerror}", where=path, cure=cure) from error
+        raise ModelError(f"cannot be read: {error.strerror}", where=path, cure="check the path") from error
     except UnicodeDecodeError as error:
         raise ModelError("binary, not a JSON file", where=path, cure=CURE) from error
 

@@ -48,7 +48,7 @@ figcaption, footer { color: var(--caption); font-size: .9rem; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; } td, th { text-align: right; }
 th, td { padding: .3rem 1rem .3rem 0; border-bottom: 1px solid var(--rule); vertical-align: top; }
 th { color: var(--soft-text); font-weight: 600; } th:first-child, td:first-child { text-align: left; }
-table.text td, table.text th { text-align: left; overflow-wrap: anywhere; }
+table.text td, table.text th { text-align: left; } table.text td:last-child { overflow-wrap: anywhere; }
 table.text td:first-child { white-space: nowrap; }
 details { margin: .6rem 0; } summary { cursor: pointer; color: var(--link); }
 pre { white-space: pre-wrap; font-size: .8rem; background: var(--panel); padding: 1rem; border-radius: .5rem; }

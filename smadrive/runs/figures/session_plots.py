@@ -51,7 +51,7 @@ def session_plot(log: Log) -> Plot:
 def change_table(log: Log) -> Grid:
     """Return the table of the tunings that were in force."""
     rows = [
-        (str(number), f"{put.time_s:.2f} s", put.change, str(put.model), put.values)
+        (str(number), f"{put.time_s:.2f}\N{NO-BREAK SPACE}s", put.change, str(put.model), put.values)
         for number, put in enumerate(tunings_of(log))
     ]
     return Grid(("", "time", "change", "model", "values in force"), rows, "Changes", texts=True)

@@ -1,4 +1,4 @@
-"""A mistyped name of a file is an error that suggests the file with the nearest name and the same ending."""
+"""A mistyped name of a file is an error that suggests the file with the nearest name, or with the nearest ending."""
 
 import pytest
 
@@ -20,6 +20,7 @@ from smadrive.runs.log.reader import read_log
         (read_table, "wier.csv", "wire.csv"),
         (read_log, "excitaton.h5", "excitation.h5"),
         (load_model, "wier.json", "wire.json"),
+        (load_model, "wire.jsn", "wire.json"),
     ],
 )
 def test_nearest_file_is_suggested(tmp_path, read, typed, present):

@@ -13,6 +13,14 @@ def test_name_and_path_are_found():
     assert config_file("absent.toml", RIG).name == "absent.toml"
 
 
+@pytest.mark.parametrize("name", ["", " "])
+def test_empty_name_is_an_error_that_says_which_file_is_missing(name):
+    with pytest.raises(ConfigError) as caught:
+        config_file(name, RIG)
+    assert caught.value.where == RIG.what
+    assert "simulated" in caught.value.cure
+
+
 @pytest.mark.parametrize(
     ("name", "expected", "hint"),
     [
