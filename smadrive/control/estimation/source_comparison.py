@@ -88,6 +88,34 @@ class Compared(NamedTuple):
         return self.failed or (not self.is_confirmed and self.is_valid and isfinite(self.disagreement_mm))
 
 
+class Differences(NamedTuple):
+    """The differences of one tick, mm: d of both sources, sensor - resistance, its mean D, and the limit."""
+
+    apart_mm: float
+    resistance_apart_mm: float
+    latest_mm: float
+    mean_mm: float
+    limit_mm: float
+
+    @property
+    def exceed(self) -> bool:
+        """True if |D| exceeds the limit. Without a reading of both sources it does not."""
+        return isfinite(self.latest_mm) and abs(self.mean_mm) > self.limit_mm
+
+    @property
+    def accuse_sensor(self) -> bool:
+        """True if the sensor is implausible in this tick."""
+        apart_mm, explained_mm = abs(self.apart_mm), max(abs(self.mean_mm), abs(self.latest_mm)) / EXPLAINS
+        is_like_model = abs(self.resistance_apart_mm) < 0.5 * apart_mm
+        return self.exceed and apart_mm > max(self.limit_mm, explained_mm) and is_like_model
+
+    @property
+    def accuse_resistance(self) -> bool:
+        """True if the resistance is implausible in this tick."""
+        apart_mm = abs(self.resistance_apart_mm)
+        return self.exceed and apart_mm > self.limit_mm and abs(self.apart_mm) < 0.5 * apart_mm
+
+
 class SourceComparison:
     """Compares the sensor with the resistance. `stroke_mm` is the stroke, `period_s` the period of the loop."""
 
@@ -111,34 +139,33 @@ class SourceComparison:
         `predicted_mm` is the change of the displacement that the model predicts for this tick of `dt_s`. `is_cold` is
         True while the wire is so cold that its resistance shows no displacement.
         """
-        is_read, latest_mm = isfinite(sensor.mm), sensor.mm - resistance.mm
+        is_read = isfinite(sensor.mm)
         is_back = is_read and state.has_sensor and not isfinite(state.before_mm)
         may_have_slipped = is_back and not state.is_resistance_wrong
-        apart_mm = _apart(state, sensor.mm, predicted_mm, 0.0 if is_cold else dt_s)
-        if may_have_slipped and isfinite(latest_mm):
-            apart_mm = latest_mm
-        due_mm = state.resistance_due_mm + predicted_mm
-        other_mm = _resistance_apart(state, resistance.mm, due_mm, dt_s)
-        mean_mm = _mean(state.disagreement_mm, latest_mm, is_first=is_back)
-        limit_mm = max(self._most_mm, MOST_NOISES * resistance.noise_mm)  # NaN noise: max returns the first
-        differs = isfinite(latest_mm) and abs(mean_mm) > limit_mm
-        least_mm = max(limit_mm, abs(mean_mm) / EXPLAINS, abs(latest_mm) / EXPLAINS)
-        is_suspect = differs and abs(apart_mm) > least_mm and abs(other_mm) < 0.5 * abs(apart_mm)
+        latest_mm, due_mm = sensor.mm - resistance.mm, state.resistance_due_mm + predicted_mm
+        moved_mm = _apart(state, sensor.mm, predicted_mm, 0.0 if is_cold else dt_s)
+        now = Differences(
+            latest_mm if may_have_slipped and isfinite(latest_mm) else moved_mm,
+            _resistance_apart(state, resistance.mm, due_mm, dt_s),
+            latest_mm,
+            _mean(state.disagreement_mm, latest_mm, is_first=is_back),
+            max(self._most_mm, MOST_NOISES * resistance.noise_mm),  # NaN noise: max returns the first
+        )
+        is_suspect = now.accuse_sensor
         suspect_ticks = state.suspect_ticks + 1 if is_suspect else 0
-        valid_ticks = state.valid_ticks + 1 if is_read and not is_suspect else 0
         failed = state.failed or suspect_ticks >= self._fails_ticks
-        agreeing_ticks = state.agreeing_ticks + 1 if isfinite(latest_mm) and abs(mean_mm) < self._most_mm else 0
+        valid_ticks = state.valid_ticks + 1 if is_read and not is_suspect else 0
+        agreeing_ticks = state.agreeing_ticks + 1 if isfinite(latest_mm) and abs(now.mean_mm) < self._most_mm else 0
         is_agreed = agreeing_ticks > 0 and valid_ticks > RETURNS_TICKS
         is_confirmed = not may_have_slipped and (state.is_confirmed or is_agreed)
-        is_clear = abs(other_mm) > limit_mm and abs(apart_mm) < 0.5 * abs(other_mm)
-        weight = 1.0 / (self._fails_ticks if is_clear else self._undecided_ticks)
-        evidence = min(1.0, state.evidence + weight) if differs and not is_suspect and is_confirmed else 0.0
+        weight = 1.0 / (self._fails_ticks if now.accuse_resistance else self._undecided_ticks)
+        evidence = min(1.0, state.evidence + weight) if now.exceed and not is_suspect and is_confirmed else 0.0
         is_found = evidence == 1.0 > state.evidence
         is_wrong = is_found or (state.is_resistance_wrong and agreeing_ticks <= RETURNS_TICKS)
         return Compared(
-            apart_mm=apart_mm,
-            resistance_apart_mm=apart_mm if is_found else other_mm,
-            disagreement_mm=mean_mm,
+            apart_mm=now.apart_mm,
+            resistance_apart_mm=now.apart_mm if is_found else now.resistance_apart_mm,
+            disagreement_mm=now.mean_mm,
             before_mm=sensor.mm,
             resistance_due_mm=resistance.mm if isfinite(resistance.mm) else due_mm,
             suspect_ticks=suspect_ticks,
