@@ -5,8 +5,8 @@ forgotten with the time constant `FORGET_S`, so that a slow error of the model d
 
     d <- d exp(-Δt/FORGET_S) + (change of the source) - (change that the model predicts)
 
-A gap in the readings of the resistance counts as one long tick. While the wire is cold, its resistance shows no
-displacement, and d of the sensor is not forgotten: the sensor may slip then. D is the mean difference of sensor and
+A gap in the readings of the resistance counts as one long tick, in which d of the sensor is not forgotten: the sensor
+may slip then. A cold wire, for example, shows no displacement by its resistance. D is the mean difference of sensor and
 resistance, with the weight `WEIGHT` of the latest sample. The sensor is implausible in a tick if all of this holds:
 
     |D| exceeds the limit
@@ -14,17 +14,24 @@ resistance, with the weight `WEIGHT` of the latest sample. The sensor is implaus
     |d| of the resistance is less than half of |d| of the sensor
 
 The limit is `MOST_SHARE` strokes, or `MOST_NOISES` standard deviations of the displacement by the resistance if that is
-more. The sensor has failed after `FAILS_TICKS` implausible ticks in a row that last `FAILS_S` at least.
+more. The sensor has failed after `FAILS_TICKS` implausible ticks in a row that last about `FAILS_S` at least. So a slip
+is found from some 1.3 times the limit on.
 
-The resistance is wrong, because a contact has changed or a meter shows wrong values, if the same holds the other way
-round for as long: |D| exceeds the limit, |d| of the resistance exceeds it, and |d| of the sensor is less than half of
-that. If |D| exceeds the limit for `UNDECIDED_S` and neither is found to be wrong, the resistance is taken for wrong.
-Its d then becomes that of the sensor, so only the motion from now on is compared: the power of the model comes from the
-same meters, so both may move differently from the model. The resistance is right again when the two have agreed, |D|
-below `MOST_SHARE` strokes, for more than `RETURNS_TICKS` ticks in a row.
+The resistance is implausible in a tick if all of this holds:
 
-A sensor that gives readings again after a gap may have slipped meanwhile, if the resistance is right. It is confirmed
-when it has been plausible for more than `RETURNS_TICKS` ticks in a row, and agrees with the resistance.
+    |D| exceeds the limit
+    |d| of the resistance exceeds the limit
+    |d| of the sensor is less than half of |d| of the resistance
+
+It is wrong, because a contact has changed or a meter shows wrong values, after as many implausible ticks. It is also
+taken for wrong if |D| exceeds the limit for `UNDECIDED_S` and neither source is implausible. In both cases d of the
+resistance is then set to d of the sensor, so only the motion from now on is compared: the power of the model comes from
+the same meters, so both sources may move differently from the model. The resistance is right again when |D| has been
+below `MOST_SHARE` strokes for more than `RETURNS_TICKS` ticks in a row.
+
+A sensor whose difference to the resistance has changed over a gap in its readings may have slipped, if the resistance
+was right. It is confirmed when it has been plausible for more than `RETURNS_TICKS` ticks in a row, and agrees with the
+resistance. Before that, the resistance is not found to be wrong.
 """
 
 from __future__ import annotations
@@ -54,7 +61,7 @@ class Compared(NamedTuple):
     resistance_due_mm      displacement by the resistance that its last reading and the model predict, mm; NaN before
                            its first reading
     suspect_ticks          number of latest ticks in a row with an implausible sensor
-    evidence               share of the ticks in a row after which the resistance is wrong, 0 to 1
+    evidence               share of the ticks with both readings in a row after which the resistance is wrong, 0 to 1
     valid_ticks            number of latest ticks in a row with a plausible reading of the sensor
     has_sensor             True after the first reading of the sensor
     is_confirmed           False after a gap in the readings of the sensor, until the sensor is confirmed
@@ -86,6 +93,17 @@ class Compared(NamedTuple):
     def is_sensor_wrong(self) -> bool:
         """True if the sensor has failed, or has given readings again for a while that the resistance contradicts."""
         return self.failed or (not self.is_confirmed and self.is_valid and isfinite(self.disagreement_mm))
+
+    def wrong_sensor(self) -> Compared:
+        """Return the state of a comparison that knows only whether, and why, the sensor is wrong."""
+        if not self.is_sensor_wrong:
+            return Compared()
+        return Compared(
+            disagreement_mm=self.disagreement_mm,
+            valid_ticks=self.valid_ticks,
+            is_confirmed=self.is_confirmed,
+            failed=self.failed,
+        )
 
 
 class Differences(NamedTuple):
@@ -131,24 +149,23 @@ class SourceComparison:
         resistance: DisplacementReading,
         predicted_mm: float,
         dt_s: float,
-        *,
-        is_cold: bool,
     ) -> Compared:
         """Return the state after sensor and resistance are compared with each other and with the model.
 
-        `predicted_mm` is the change of the displacement that the model predicts for this tick of `dt_s`. `is_cold` is
-        True while the wire is so cold that its resistance shows no displacement.
+        `predicted_mm` is the change of the displacement that the model predicts for this tick of `dt_s`.
         """
         is_read = isfinite(sensor.mm)
         is_back = is_read and state.has_sensor and not isfinite(state.before_mm)
-        may_have_slipped = is_back and not state.is_resistance_wrong
         latest_mm, due_mm = sensor.mm - resistance.mm, state.resistance_due_mm + predicted_mm
-        moved_mm = _apart(state, sensor.mm, predicted_mm, 0.0 if is_cold else dt_s)
+        slip_mm = latest_mm - (state.disagreement_mm if isfinite(state.disagreement_mm) else 0.0)
+        is_same = state.is_resistance_wrong or abs(slip_mm) < self._most_mm  # not so for NaN: nothing was compared
+        may_have_slipped = is_back and not is_same
+        moved_mm = _apart(state, sensor.mm, predicted_mm, dt_s if isfinite(resistance.mm) else 0.0)
         now = Differences(
-            latest_mm if may_have_slipped and isfinite(latest_mm) else moved_mm,
+            slip_mm if may_have_slipped and isfinite(slip_mm) else moved_mm,
             _resistance_apart(state, resistance.mm, due_mm, dt_s),
             latest_mm,
-            _mean(state.disagreement_mm, latest_mm, is_first=is_back),
+            _mean(state.disagreement_mm, latest_mm, is_first=may_have_slipped),
             max(self._most_mm, MOST_NOISES * resistance.noise_mm),  # NaN noise: max returns the first
         )
         is_suspect = now.accuse_sensor
@@ -159,7 +176,9 @@ class SourceComparison:
         is_agreed = agreeing_ticks > 0 and valid_ticks > RETURNS_TICKS
         is_confirmed = not may_have_slipped and (state.is_confirmed or is_agreed)
         weight = 1.0 / (self._fails_ticks if now.accuse_resistance else self._undecided_ticks)
-        evidence = min(1.0, state.evidence + weight) if now.exceed and not is_suspect and is_confirmed else 0.0
+        evidence = state.evidence
+        if isfinite(latest_mm):
+            evidence = min(1.0, evidence + weight) if now.exceed and not is_suspect and is_confirmed else 0.0
         is_found = evidence == 1.0 > state.evidence
         is_wrong = is_found or (state.is_resistance_wrong and agreeing_ticks <= RETURNS_TICKS)
         return Compared(

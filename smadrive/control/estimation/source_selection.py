@@ -104,7 +104,7 @@ class SourceSelection:
         if before._chosen is self._chosen:
             return state
         is_replaced = state.is_sensor_wrong and self._chosen is DisplacementFrom.SENSOR
-        compared = Compared(has_sensor=is_replaced, failed=state.is_sensor_wrong)
+        compared = state.compared.wrong_sensor()._replace(has_sensor=is_replaced)
         return SourceState(state.lead, compared, is_replaced, cold_s=state.cold_s)
 
     def start_mm(self, measurement: Measurement) -> float:
@@ -145,9 +145,7 @@ class SourceSelection:
         by_resistance = self._resistance.displacement(state.lead, sample)
         if self._chosen is DisplacementFrom.SENSOR:
             predicted_mm = prediction.mm_per_s * dt_s
-            compared = self._comparison.update(
-                state.compared, sensor, by_resistance, predicted_mm, dt_s, is_cold=sample.is_cold
-            )
+            compared = self._comparison.update(state.compared, sensor, by_resistance, predicted_mm, dt_s)
             state = state._replace(compared=compared)
         source = self._source(state, sensor, by_resistance)
         trusted = sensor if source is DisplacementFrom.SENSOR and state.compared.is_valid else NO_READING

@@ -22,7 +22,7 @@ class Motion(NamedTuple):
     ticks: int
     compared: Compared
 
-    def after(self, seconds, sensor, resistance, *, model=lambda right_mm: right_mm, is_cold=False):
+    def after(self, seconds, sensor, resistance, *, model=lambda right_mm: right_mm):
         """Return the motion and its comparison `seconds` later. A source shows a function of the displacement, or None.
 
         The model predicts the changes of another function of the displacement.
@@ -32,7 +32,7 @@ class Motion(NamedTuple):
             before_mm, right_mm = (6.0 + 3.0 * sin(0.3 * DT_S * t) for t in (tick - 1, tick))
             sources = reading(sensor(right_mm)), reading(resistance(right_mm))
             predicted_mm = model(right_mm) - model(before_mm)
-            compared = COMPARISON.update(compared, *sources, predicted_mm, DT_S, is_cold=is_cold)
+            compared = COMPARISON.update(compared, *sources, predicted_mm, DT_S)
         return Motion(first + count, compared)
 
 
@@ -90,6 +90,28 @@ def test_resistance_that_drifts_slowly_is_wrong_and_accuses_no_sensor():
     assert not state.compared.failed
 
 
+@pytest.mark.parametrize("offset_mm", [0.5, 1.0, 3.0])
+def test_gap_of_the_sensor_over_which_the_difference_stays_accuses_no_sensor(offset_mm):
+    """A contact has changed since the identification, or a moment ago."""
+    state = Motion(0, Compared()).after(1.0, right, off_by(offset_mm)).after(DT_S, silent, off_by(offset_mm))
+    state = state.after(60.0, right, off_by(offset_mm))
+    assert state.compared.is_resistance_wrong
+    assert not state.compared.is_sensor_wrong
+
+
+def test_missing_readings_do_not_hide_a_wrong_resistance():
+    state = SOUND
+    for _ in range(200):
+        state = state.after(3 * DT_S, right, off_by(3.0)).after(DT_S, right, silent)
+    assert state.compared.is_resistance_wrong
+
+
+@pytest.mark.parametrize("seconds", [1.0, 5.0, 10.0])
+def test_sensor_that_slips_while_the_resistance_of_a_warm_wire_is_not_read_has_failed(seconds):
+    gap = SOUND.after(2.0, right, silent).after(seconds, off_by(-4.0), silent)
+    assert gap.after(2.0, off_by(-4.0), right).compared.failed
+
+
 def test_resistance_that_agrees_for_long_enough_is_right_again():
     wrong = SOUND.after(5.0, right, off_by(-6.0))
     soon, later = (wrong.after(seconds, right, right) for seconds in (1.0, 3.0))
@@ -98,15 +120,15 @@ def test_resistance_that_agrees_for_long_enough_is_right_again():
 
 
 def test_sensor_that_slips_while_the_wire_is_cold_fails_when_the_wire_is_warm():
-    cold = SOUND.after(5.0, right, silent, is_cold=True)
-    slipped = cold.after(30.0, off_by(-0.8), silent, is_cold=True)
+    cold = SOUND.after(5.0, right, silent)
+    slipped = cold.after(30.0, off_by(-0.8), silent)
     assert not slipped.compared.failed
     assert slipped.after(2.0, off_by(-0.8), right).compared.failed
 
 
 def test_sensor_that_comes_back_while_the_wire_is_cold_is_confirmed_by_the_first_comparison():
-    gap = SOUND.after(5.0, right, silent, is_cold=True).after(1.0, silent, silent, is_cold=True)
-    back = gap.after(30.0, right, silent, is_cold=True)
+    gap = SOUND.after(5.0, right, silent).after(1.0, silent, silent)
+    back = gap.after(30.0, right, silent)
     assert (back.compared.is_confirmed, back.compared.is_sensor_wrong) == (False, False)
     right_again = back.after(DT_S * (RETURNS_TICKS + 1), right, right)
     assert (right_again.compared.is_confirmed, right_again.compared.is_sensor_wrong) == (True, False)
@@ -116,7 +138,7 @@ def test_sensor_that_comes_back_while_the_wire_is_cold_is_confirmed_by_the_first
 
 def test_missing_noise_counts_as_none():
     state = SOUND.after(1.0, right, silent).compared
-    assert COMPARISON.update(state, reading(6.0), DisplacementReading(nan, nan), 0.0, DT_S, is_cold=False).valid_ticks
+    assert COMPARISON.update(state, reading(6.0), DisplacementReading(nan, nan), 0.0, DT_S).valid_ticks
 
 
 BACK = {"has_sensor": True, "is_confirmed": False, "valid_ticks": 21}

@@ -148,17 +148,24 @@ def test_right_sensor_stays_the_source_when_a_contact_changes(contact_ohm):
     assert np.abs(errors).max() < 2.0
 
 
+WRONG = [
+    Compared(failed=True, has_sensor=True),
+    Compared(disagreement_mm=1.0, valid_ticks=21, has_sensor=True, is_confirmed=False),
+]
+
+
+@pytest.mark.parametrize("compared", WRONG)
 @pytest.mark.parametrize("between", [DisplacementFrom.RESISTANCE, DisplacementFrom.NONE])
-def test_failed_sensor_stays_failed_when_another_source_was_chosen_meanwhile(between):
+def test_wrong_sensor_stays_wrong_when_another_source_was_chosen_meanwhile(between, compared):
     first, second, third = (
         SourceSelection(chosen, ResistanceSensor(WIRE, RESISTANCE, DT_S), 0.01, STROKE_MM, DT_S, 0.5)
         for chosen in (DisplacementFrom.SENSOR, between, DisplacementFrom.SENSOR)
     )
-    failed = first.start()._replace(compared=Compared(failed=True, has_sensor=True), is_replaced=True)
-    other = second.adopt(failed, first)
+    other = second.adopt(first.start()._replace(compared=compared, is_replaced=True), first)
     assert other.needs_resistance is False  # so that the source "none" needs no sense current
     back = third.adopt(other, second)
-    assert (back.compared.failed, back.is_replaced) == (True, True)
+    assert other.is_sensor_wrong
+    assert (back.is_sensor_wrong, back.is_replaced, back.compared.failed) == (True, True, compared.failed)
 
 
 def test_spikes_do_not_make_a_sensor_fail():
