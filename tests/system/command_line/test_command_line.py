@@ -364,7 +364,7 @@ WRONG = [
     ("a log that is a model", ("report", "loop.json"), 2, "loop.json: is a model file, and a log is needed"),
     ("a log that is a page", ("report", "page.html"), 2, "page.html: is a page (HTML), and a log is needed here. Give"),
     ("a key of no reference", (*RUN, "--model", "loop.json", "--reference", "sine:low=2"), 2, "unknown key 'low'; did"),
-    ("a model that is absent", (*RUN, "--model", "no.json", "--reference", ANY_SINE), 2, "no.json: cannot be read: No"),
+    ("a model that is absent", (*RUN, "--model", "no.json", "--reference", ANY_SINE), 2, "no.json: no such file"),
     ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol': neither a .toml file nor one of the shipped wires"),
     ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
     ("another device", ("probe", "other.toml"), 3, "is not of the type 'sma-reference' (device_id = 21325"),
