@@ -56,7 +56,7 @@ class Compared(NamedTuple):
     apart_mm               difference d between the sensor and the model, mm
     resistance_apart_mm    difference d between the displacement by the resistance and the model, mm
     disagreement_mm        mean difference D of sensor - resistance, mm; NaN before the first difference, and before the
-                           first difference after a gap in the readings of the sensor
+                           first one after a gap in which the sensor may have slipped
     before_mm              displacement by the sensor in the last tick, mm; NaN if there was none
     resistance_due_mm      displacement by the resistance that its last reading and the model predict, mm; NaN before
                            its first reading
@@ -64,7 +64,7 @@ class Compared(NamedTuple):
     evidence               share of the ticks with both readings in a row after which the resistance is wrong, 0 to 1
     valid_ticks            number of latest ticks in a row with a plausible reading of the sensor
     has_sensor             True after the first reading of the sensor
-    is_confirmed           False after a gap in the readings of the sensor, until the sensor is confirmed
+    is_confirmed           False after a gap in which the sensor may have slipped, until the sensor is confirmed
     agreeing_ticks         number of latest ticks in a row in which sensor and resistance agreed
     failed                 True once the sensor was implausible for long enough, until the end of the run
     is_resistance_wrong    True while the resistance is wrong, and the sensor has not failed
@@ -213,7 +213,7 @@ def _resistance_apart(state: Compared, now_mm: float, due_mm: float, dt_s: float
 def _mean(mean_mm: float, latest_mm: float, *, is_first: bool) -> float:
     """Return the mean difference D after the difference `latest_mm`, which may be NaN.
 
-    `is_first` marks the first reading of the sensor after a gap: earlier differences do not count then.
+    `is_first` marks the first reading after a gap in which the sensor may have slipped: earlier ones do not count.
     """
     if is_first or not isfinite(mean_mm):
         return latest_mm
