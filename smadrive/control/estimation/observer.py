@@ -46,10 +46,15 @@ DRAFT_SHARE = 0.1
 """An unexplained power of more than this share of the heat loss is a draft, and changes in proportion to the loss."""
 
 MOST_DRAFT = 0.8
-"""Without a displacement sensor, the largest additional loss by a draft, as a share of the identified loss.
+"""The largest additional loss by a draft that nothing but the thermocouple shows, as a share of the identified loss.
 
-Thermocouple and resistance cannot tell a stronger draft from a bead that comes off: hot austenite has the resistance of
-a colder wire that is not fully transformed. A larger share would overheat a wire whose bead comes off.
+Such a draft may be a bead that comes off. A larger share would overheat a wire whose bead comes off.
+"""
+
+SHOWS_DRAFT = 0.85
+"""A phase by the resistance below this shows a draft of any strength.
+
+A larger phase does not: hot austenite has the resistance of a colder wire that is not fully transformed.
 """
 
 MARGIN_NOISES = 3.0
@@ -142,7 +147,8 @@ class WireObserver:
         if isfinite(displacement_mm):
             expected = self._predicted(before, power_w, dt_s, self._seeing_c)
             read_c = _innovation_c(reading_c, expected.thermocouple_c)
-            least_w = -inf if by_sensor else self._strongest_draft_w(expected.temperature_c)
+            shows_draft = by_sensor or self._wire.phase_at(displacement_mm) < SHOWS_DRAFT
+            least_w = -inf if shows_draft else self._strongest_draft_w(expected.temperature_c)
             return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm or self._noise_mm, least_w)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
         read_c = _innovation_c(reading_c, thermocouple_c)
