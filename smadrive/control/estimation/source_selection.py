@@ -9,21 +9,37 @@ the source changes.
 
 While the resistance is wrong, it does not replace the sensor: without a reading of the sensor, the displacement is not
 known.
+
+A loose bead of the thermocouple reads too cold. The displacement by the resistance is then wrong, too, and must not
+accuse the sensor. The observer takes the error of the temperature for a shift b < 0 of the transformation; while the
+wire is heated fast, the error is larger. So the sensor is compared with a range of displacements:
+
+    by the resistance at T ... by the resistance at T - `WRONG_SHIFTS` b̄      b̄ the mean of b < 0 over `SHIFT_S`
+
+A sensor that slips changes b̄ by little, and late.
 """
 
 from __future__ import annotations
 
-from math import inf, isfinite
+from math import exp, inf, isfinite
 from typing import NamedTuple
 
 from smadrive.control.estimation.lead import LeadChange
-from smadrive.control.estimation.resistance_sensor import NO_READING, DisplacementReading, ResistanceSensor
+from smadrive.control.estimation.resistance_sensor import (
+    NO_READING,
+    DisplacementReading,
+    ResistanceSample,
+    ResistanceSensor,
+)
 from smadrive.control.estimation.source_comparison import Compared, SourceComparison
 from smadrive.control.estimation.wire_estimate import Prediction
 from smadrive.measurement import DisplacementFrom, Measurement
 
 COLD_S = 2.5
 """Longest time for which the leads of the cold wire are measured at the beginning of a run, s."""
+
+SHIFT_S, WRONG_SHIFTS = 1.0, 3.0
+"""Time constant of the mean shift, s, and the largest error of the temperature, as a multiple of this shift."""
 
 
 class SourceState(NamedTuple):
@@ -34,6 +50,7 @@ class SourceState(NamedTuple):
     is_replaced   True while a sensor that has given a reading is not the source
     source        source of the last tick; NONE if the tick had no displacement
     cold_s        time for which the leads of the cold wire were measured, s; inf once the wire has been warm
+    shift_c       mean estimated shift of the transformation to colder temperatures, K: 0 or negative
     """
 
     lead: LeadChange
@@ -41,6 +58,7 @@ class SourceState(NamedTuple):
     is_replaced: bool = False
     source: DisplacementFrom = DisplacementFrom.NONE
     cold_s: float = 0.0
+    shift_c: float = 0.0
 
     @property
     def needs_resistance(self) -> bool:
@@ -105,7 +123,7 @@ class SourceSelection:
             return state
         is_replaced = state.is_sensor_wrong and self._chosen is DisplacementFrom.SENSOR
         compared = state.compared.wrong_sensor()._replace(has_sensor=is_replaced)
-        return SourceState(state.lead, compared, is_replaced, cold_s=state.cold_s)
+        return SourceState(state.lead, compared, is_replaced, cold_s=state.cold_s, shift_c=state.shift_c)
 
     def start_mm(self, measurement: Measurement) -> float:
         """Return the displacement of the sensor if the sensor is the chosen source, otherwise NaN."""
@@ -144,8 +162,12 @@ class SourceSelection:
         sample = self._resistance.sample(measurement, prediction)
         by_resistance = self._resistance.displacement(state.lead, sample)
         if self._chosen is DisplacementFrom.SENSOR:
+            shift_c = min(prediction.before.shift_c, 0.0)
+            shift_c += (state.shift_c - shift_c) * exp(-dt_s / SHIFT_S)
+            state = state._replace(shift_c=shift_c)
+            closest = self._closest(state, sensor, by_resistance, sample)
             predicted_mm = prediction.mm_per_s * dt_s
-            compared = self._comparison.update(state.compared, sensor, by_resistance, predicted_mm, dt_s)
+            compared = self._comparison.update(state.compared, sensor, closest, predicted_mm, dt_s)
             state = state._replace(compared=compared)
         source = self._source(state, sensor, by_resistance)
         trusted = sensor if source is DisplacementFrom.SENSOR and state.compared.is_valid else NO_READING
@@ -165,6 +187,20 @@ class SourceSelection:
         if not (is_chosen and isfinite(measurement.displacement_mm) and age_s <= self._fresh_s):
             return NO_READING
         return DisplacementReading(measurement.displacement_mm + mm_per_s * age_s, self._noise_mm)
+
+    def _closest(
+        self, state: SourceState, sensor: DisplacementReading, at_t: DisplacementReading, sample: ResistanceSample
+    ) -> DisplacementReading:
+        """Return the displacement nearest to the sensor that the resistance shows if the temperature is wrong.
+
+        `at_t` is the displacement by the resistance at the estimated temperature.
+        """
+        assert self._resistance is not None
+        wrong = sample._replace(temperature_c=sample.temperature_c - WRONG_SHIFTS * state.shift_c)
+        ends_mm = at_t.mm, self._resistance.displacement(state.lead, wrong).mm
+        if not (isfinite(sensor.mm) and all(map(isfinite, ends_mm))):
+            return at_t
+        return at_t._replace(mm=min(max(sensor.mm, min(ends_mm)), max(ends_mm)))
 
     def _source(
         self, state: SourceState, sensor: DisplacementReading, resistance: DisplacementReading

@@ -33,8 +33,8 @@ REFERENCE = sine(low_mm=2.4, high_mm=9.6, period_s=16.0, cycles=1).with_approach
 class Bench:
     """A wire with noisy sensors and leads; a command acts one period after the measurement that it answers."""
 
-    def __init__(self, lead_ohm):
-        self.lead_ohm = lead_ohm
+    def __init__(self, lead_ohm, contact):
+        self.lead_ohm, self.contact = lead_ohm, contact
         self.state = WireState(22.0, MODEL.initial_state(22.0))
         self.reading_c, self.time_s = 22.0, 0.0
         self.in_force_a = self.sent_a = 0.0
@@ -48,7 +48,8 @@ class Bench:
         voltage_v = current_a * (self.ohm() + self.lead_ohm(self.time_s)) + noise.normal(0, 0.002)
         measured_a = max(current_a + noise.normal(0, 0.0002), 0.0)
         shown_mm = sensor(self.time_s, self.state.hysteresis.y + noise.normal(0, 0.012))
-        return Measurement(self.time_s, self.reading_c + noise.normal(0, 0.1), measured_a, voltage_v, shown_mm)
+        reading_c = 22.0 + self.contact(self.time_s) * (self.reading_c - 22.0) + noise.normal(0, 0.1)
+        return Measurement(self.time_s, reading_c, measured_a, voltage_v, shown_mm)
 
     def advance(self, current_a):
         self.in_force_a, self.sent_a = self.sent_a, current_a
@@ -61,15 +62,26 @@ class Bench:
         self.time_s += DT_S
 
 
-def tracked(chosen, sensor=lambda _time_s, _right_mm: nan, lead_ohm=lambda _: 0.0, reference=REFERENCE, spoiled=None):
-    """Return the errors in % of the stroke after the approach, and the commands. `lead_ohm` is a function of the time.
+def tracked(
+    chosen,
+    sensor=lambda _time_s, _right_mm: nan,
+    lead_ohm=lambda _: 0.0,
+    contact=lambda _: 1.0,
+    reference=REFERENCE,
+    spoiled=None,
+):
+    """Return the errors in % of the stroke after the approach, and the commands.
 
+    `lead_ohm` and `contact` are functions of the time; `contact` is the share of the rise that the thermocouple reads.
     The sample in the middle of the run has the values `spoiled`.
     """
     settings = TrackingSettings(
         DT_S, 0.6, closed_loop_s=0.25, integral_s=2.0, noise_c=0.1, displacement_from=DisplacementFrom(chosen)
     )
-    controller, bench = TrackingController(reference, WIRE, HysteresisInverse(MODEL), settings), Bench(lead_ohm)
+    controller, bench = (
+        TrackingController(reference, WIRE, HysteresisInverse(MODEL), settings),
+        Bench(lead_ohm, contact),
+    )
     errors, commands = [], []
     while bench.time_s < reference.duration_s:
         sample = bench.measurement(sensor)
@@ -120,6 +132,19 @@ def test_sensor_that_works_again_is_used_again():
     used = [command.uses_resistance for command in commands]
     assert any(used)
     assert not used[-1]
+
+
+@pytest.mark.parametrize("over_s", [0.5, 3.0])
+def test_bead_that_comes_loose_accuses_no_sensor(over_s):
+    """The resistance at the wrong temperature shows a wrong displacement."""
+    path = sine(low_mm=2.4, high_mm=9.6, period_s=16.0, cycles=2).with_approach(0.0, 4.0)
+    _, commands = tracked(
+        "sensor",
+        right,
+        contact=lambda time_s: float(np.interp(time_s, (12.0, 12.0 + over_s), (1.0, 0.8))),
+        reference=path,
+    )
+    assert not any(command.sensor_replaced for command in commands)
 
 
 @pytest.mark.parametrize(
