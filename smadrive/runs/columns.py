@@ -66,6 +66,7 @@ COLUMNS = {
     "by_resistance_sd_mm": Column("command.by_resistance_sd_mm", "mm", "displacement", "by resistance, deviation"),
     "uses_resistance": Column("command.uses_resistance", "1", "displacement by resistance in use"),
     "sensor_replaced": Column("command.sensor_replaced", "1", "displacement sensor wrong or missing, and replaced"),
+    "resistance_wrong": Column("command.resistance_wrong", "1", "displacement by resistance wrong"),
     "in_force_a": Column("measurement.in_force_a", "A", "current", "in force"),
     "temperature_age_s": Column("measurement.temperature_age_s", "s", "age of the temperature"),
     "displacement_age_s": Column("measurement.displacement_age_s", "s", "age of the displacement"),

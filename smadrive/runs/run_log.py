@@ -14,6 +14,7 @@ from importlib.metadata import version
 from math import inf, isfinite
 from pathlib import Path
 
+from smadrive.control.controllers.source_events import SourceEvents
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
 from smadrive.control.loop import Tick
@@ -32,10 +33,6 @@ from smadrive.wire.wire_model import WireModel
 
 _row = row_getter(COLUMNS)
 
-BY_RESISTANCE = "warning: the displacement sensor has failed, the resistance of the wire replaces it"
-BY_SENSOR = "the displacement sensor is valid again and used"
-"""The texts of the events when the source of the displacement changes."""
-
 WIRE_FILE = "wire_file"
 """Name of the metadata text with the path of the model file. A log has no such text if its run used no model file."""
 
@@ -48,8 +45,8 @@ _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 class TickRecorder(Recorder):
     """Records the ticks of a loop: a row for each tick, and events.
 
-    An event is written when the faults change, when a limit acts for the first time, and when the displacement sensor
-    is replaced or used again (a session reports this itself). `stopped_by` returns the name of the program that has
+    An event is written when the faults change, when a limit acts for the first time, and when the source of the
+    displacement changes (a session reports this itself). `stopped_by` returns the name of the program that has
     requested an emergency stop; it is empty without such a request.
     """
 
@@ -58,15 +55,15 @@ class TickRecorder(Recorder):
         self._stopped_by = stopped_by
         self._reported_limits: set[str] = set()
         self._faults: tuple[str, ...] = ()
-        self._is_session = metadata["kind"] == RunKind.SESSION
-        self._is_replaced = False
+        self._source = None if metadata["kind"] == RunKind.SESSION else SourceEvents()
 
     def tick(self, tick: Tick) -> None:
         """Record one tick of the loop. DataError when the log cannot be written."""
         self.row(_row(tick))
         self._report_faults(tick.measurement)
         self._report_limits(tick.measurement)
-        self._report_source(tick)
+        for event in () if self._source is None else self._source.update(tick.command):
+            self.event(event)
 
     def _cause(self, error: BaseException) -> str:
         is_interruption = isinstance(error, KeyboardInterrupt | SystemExit)
@@ -89,13 +86,6 @@ class TickRecorder(Recorder):
             if limit not in self._reported_limits:
                 self._reported_limits.add(limit)
                 self.event(f"limited by {limit} for the first time")
-
-    def _report_source(self, tick: Tick) -> None:
-        """Write an event when the resistance replaces a displacement sensor, and when the sensor is used again."""
-        is_replaced = bool(tick.command.sensor_replaced)
-        if not self._is_session and is_replaced is not self._is_replaced:
-            self.event(BY_RESISTANCE if is_replaced else BY_SENSOR)
-        self._is_replaced = is_replaced
 
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:

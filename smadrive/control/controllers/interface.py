@@ -26,6 +26,7 @@ class Command(NamedTuple):
     by_resistance_sd_mm   standard deviation of the displacement by the resistance, mm
     uses_resistance       1 while the resistance is the source of the displacement, otherwise 0
     sensor_replaced       1 while the displacement sensor is not the source because its readings are wrong or missing
+    resistance_wrong      1 while the resistance contradicts a right displacement sensor, otherwise 0
     """
 
     commanded_a: float
@@ -40,6 +41,7 @@ class Command(NamedTuple):
     by_resistance_sd_mm: float = nan
     uses_resistance: float = 0.0
     sensor_replaced: float = 0.0
+    resistance_wrong: float = 0.0
 
     def after_trip(self) -> Command:
         """Return the command of the measurement that trips after this command: the same, but without current."""

@@ -167,6 +167,7 @@ class TrackingController:
             *selected.by_resistance,
             uses_resistance=float(source.needs_resistance),
             sensor_replaced=float(source.is_replaced),
+            resistance_wrong=float(source.compared.is_resistance_wrong),
         )
 
     def _started(self, measurement: Measurement) -> TrackingState:

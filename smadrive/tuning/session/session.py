@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import replace
 
 from smadrive.control.controllers.interface import Command
+from smadrive.control.controllers.source_events import SourceEvents
 from smadrive.control.controllers.swappable import SwappableController
 from smadrive.control.loop import Tick, TickHandler
 from smadrive.control.references.holding import holding_reference, resting_caveats
@@ -173,7 +174,7 @@ class TuningSession:
 
     def _drive(self, live: SwappableController) -> None:
         """Run the loop until a stop is requested or a fault ends it."""
-        self._state.live = live
+        self._state.live, self._state.source_events = live, SourceEvents()
         tuning = self.tunings.in_force
         if tuning.feedback.adapt and not self._adaptation.is_on:
             if impossible := impossible_with(tuning):
@@ -199,7 +200,7 @@ class TuningSession:
         self._channel.append(row_of(tick, self._state.began_s))
         self._status.measurement = measurement
         self._change_queue.comparison.score(tick.command.setpoint_mm - tick.reached_mm)
-        self._state.note_source()
+        self._state.note_source(tick.command)
         self._adapt(tick)
         self._record(tick)
         self._log.tick(tick, measurement.time_s - self._state.began_s)

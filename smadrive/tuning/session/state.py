@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from smadrive.control.controllers.interface import Command
+from smadrive.control.controllers.source_events import SourceEvents
 from smadrive.control.controllers.swappable import SwappableController
-from smadrive.measurement import DisplacementFrom
 from smadrive.rig.rig import Rig
-from smadrive.runs.run_log import BY_RESISTANCE, BY_SENSOR
 from smadrive.tuning.link.channel import DriverEnd
 from smadrive.tuning.link.requests import Arm, PageRequest
 from smadrive.tuning.session.changes.tunings import Tunings
@@ -25,7 +25,7 @@ class SessionState:
     arm_request           request to arm that waits, or None
     arm_requested_s       time since the session began at which this request arrived, s
     stop_requested        if True, the loop ends before its next exchange
-    is_sensor_replaced    True while the resistance replaces a displacement sensor without a valid reading
+    source_events         the events about the source of the displacement, since `live` began
     """
 
     rig: Rig
@@ -37,7 +37,7 @@ class SessionState:
     arm_request: Arm | None = None
     arm_requested_s: float = 0.0
     stop_requested: bool = False
-    is_sensor_replaced: bool = False
+    source_events: SourceEvents = field(default_factory=SourceEvents)
 
     @property
     def now_s(self) -> float:
@@ -69,14 +69,10 @@ class SessionState:
         for warning in warnings:
             self.report(f"warning: {warning}")
 
-    def note_source(self) -> None:
-        """Add an event if the resistance begins to replace the displacement sensor, or if the sensor is used again."""
-        source = None if self.live is None else self.live.source
-        was_replaced, self.is_sensor_replaced = self.is_sensor_replaced, source is not None and source.is_replaced
-        if self.is_sensor_replaced and not was_replaced:
-            self.report(BY_RESISTANCE)
-        if was_replaced and source is not None and source.source is DisplacementFrom.SENSOR:
-            self.report(BY_SENSOR)
+    def note_source(self, command: Command) -> None:
+        """Add an event if the source of the displacement has changed with this command."""
+        for event in self.source_events.update(command):
+            self.report(event)
 
     def answer(self, request: PageRequest | None, refused: str | None) -> None:
         """Send the answer to `request`; do nothing if it is None. `refused` is the reason for a refusal, or None.

@@ -10,6 +10,7 @@ import pytest
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
+from smadrive.control.controllers.source_events import BY_RESISTANCE, RESISTANCE_WRONG
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import DisplacementFrom
@@ -19,7 +20,6 @@ from smadrive.runs.experiments import read_reference, track
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.metrics.tracking_error import error_percent
 from smadrive.runs.replay import replay
-from smadrive.runs.run_log import BY_RESISTANCE
 from smadrive.runs.tracking_plan import plan_tracking
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
@@ -116,3 +116,15 @@ def test_source_in_the_rig_file_is_the_default():
         plan = plan_tracking(rig, read_reference(REFERENCE), WIRE, smooth=True, smooth_option="--smooth")
     assert plan.displacement_from is DisplacementFrom.NONE
     assert json.loads(config.model_dump_json())["displacement_from"] == "none"
+
+
+def test_contact_that_changes_is_told_as_a_wrong_resistance(tmp_path):
+    def corrode(bench, tick):
+        if 18.0 < tick.time_s < 18.1:
+            bench.plant.faults.corrode_contact(1.0)
+
+    log = recorded(tmp_path / "run.h5", DisplacementFrom.SENSOR, corrode)
+    (event,) = [event for event in log.events if event.message == RESISTANCE_WRONG]
+    assert 18.0 < event.time_s < 22.0
+    assert not log.column("sensor_replaced").any()
+    assert np.array_equal(log.column("resistance_wrong") > 0.0, log.column("time_s") >= event.time_s)

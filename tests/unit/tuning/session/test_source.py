@@ -9,13 +9,14 @@ from marks import exhaustive
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
+from smadrive.control.controllers.source_events import BY_RESISTANCE, BY_SENSOR
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.metrics.tracking_error import measured_mm
-from smadrive.runs.run_log import BY_RESISTANCE, BY_SENSOR, record_session
+from smadrive.runs.run_log import record_session
 from smadrive.runs.session_record import models_of, tunings_of
 from smadrive.stream.samples import COLUMNS
 from smadrive.tuning.session.adaptation_runner import NEEDS_SENSOR, SENSOR_FAILED, AdaptationRunner
