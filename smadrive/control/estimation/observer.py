@@ -51,8 +51,8 @@ MOST_DRAFT = 0.8
 Such a draft may be a bead that comes off. A larger share would overheat a wire whose bead comes off.
 """
 
-SHOWS_DRAFT = 0.85
-"""A phase by the resistance below this shows a draft of any strength.
+SHOWS_DRAFT = {True: 0.85, False: 0.75}
+"""A phase by the resistance shows a draft of any strength while it is below 0.85, and again once it is below 0.75.
 
 A larger phase does not: hot austenite has the resistance of a colder wire that is not fully transformed.
 """
@@ -147,9 +147,11 @@ class WireObserver:
         if isfinite(displacement_mm):
             expected = self._predicted(before, power_w, dt_s, self._seeing_c)
             read_c = _innovation_c(reading_c, expected.thermocouple_c)
-            shows_draft = by_sensor or self._wire.phase_at(displacement_mm) < SHOWS_DRAFT
+            shows_draft = by_sensor or self._wire.phase_at(displacement_mm) < SHOWS_DRAFT[before.shows_draft]
             least_w = -inf if shows_draft else self._strongest_draft_w(expected.temperature_c)
-            return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm or self._noise_mm, least_w)
+            noise_mm = noise_mm or self._noise_mm
+            corrected = self._corrected_by_both(expected, read_c, displacement_mm, noise_mm, least_w)
+            return corrected._replace(shows_draft=shows_draft)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
         read_c = _innovation_c(reading_c, thermocouple_c)
         evidence = self._test.by_reading(before.evidence, read_c, wire_c - thermocouple_c)
