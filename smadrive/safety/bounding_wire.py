@@ -21,25 +21,8 @@ it take up no latent heat: between two runs the room may become warmer.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import exp, inf, log
+from math import exp, log
 from typing import NamedTuple
-
-
-class Bounds(NamedTuple):
-    """What the displacement or the resistance shows of a wire, whatever its thermocouple reads.
-
-    coldest_c    least possible temperature, °C
-    phase        least possible phase
-    excluded_c   the wire has no temperature between these two, °C. A wire that was colder is still colder
-    """
-
-    coldest_c: float = -inf
-    phase: float = 0.0
-    excluded_c: tuple[float, float] = (inf, -inf)
-
-
-UNBOUNDED = Bounds()
-"""Nothing is known."""
 
 
 class SimpleWire:

@@ -24,7 +24,7 @@ import numpy as np
 
 from smadrive.hysteresis import HysteresisModel
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
-from smadrive.safety.bounding_wire import UNBOUNDED, Bounds
+from smadrive.safety.temperature_band import UNBOUNDED, AtLeast
 
 UNSURE_C = 10.0
 """δ: the largest difference between the temperature of the wire and the reading of the thermocouple, K."""
@@ -75,24 +75,25 @@ class DisplacementBand:
         low_mm, high_mm = self._travel_mm
         return displacement_mm < low_mm or displacement_mm > high_mm
 
-    def bounds(self, displacement_mm: float) -> Bounds:
-        """Return what `displacement_mm` shows of the wire; `UNBOUNDED` for NaN.
+    def hottest_c(self, displacement_mm: float) -> float:
+        """Return the highest possible temperature of a wire at `displacement_mm`, °C.
 
-        Nothing bounds its temperature from above if the wire may be fully transformed at this displacement, and from
-        below if it may be fully martensite.
+        The result is infinite if the wire may be fully transformed at this displacement, and for NaN.
         """
-        if not isfinite(displacement_mm):
+        above = bisect_right(self._rising_mm, self._sense * displacement_mm + self._margin_mm)
+        return self._warming_c[above] + UNSURE_C if above < POINTS and isfinite(displacement_mm) else inf
+
+    def at_least(self, displacement_mm: float) -> AtLeast:
+        """Return the lowest possible temperature and phase of a wire at `displacement_mm`.
+
+        The result is `UNBOUNDED` if the wire may be fully martensite at this displacement, and for NaN.
+        """
+        least_mm = self._sense * displacement_mm - self._margin_mm
+        below = bisect_left(self._falling_mm, least_mm)
+        if not below or not isfinite(displacement_mm):
             return UNBOUNDED
-        bounds, along_mm = UNBOUNDED, self._sense * displacement_mm
-        least_mm = along_mm - self._margin_mm
-        if below := bisect_left(self._falling_mm, least_mm):
-            cold_mm, hot_mm = self._falling_mm[0], self._falling_mm[-1]
-            coldest_c = self._warming_c[min(below, POINTS - 1)] - UNSURE_C
-            bounds = Bounds(coldest_c, (least_mm - cold_mm) / (hot_mm - cold_mm))
-        above = bisect_right(self._rising_mm, along_mm + self._margin_mm)
-        if above == POINTS:
-            return bounds
-        return bounds._replace(excluded_c=(self._warming_c[above] + UNSURE_C, inf))
+        cold_mm, hot_mm = self._falling_mm[0], self._falling_mm[-1]
+        return AtLeast(self._warming_c[min(below, POINTS - 1)] - UNSURE_C, (least_mm - cold_mm) / (hot_mm - cold_mm))
 
     def nearest_mm(self, temperature_c: float, displacement_mm: float) -> float:
         """Return `displacement_mm`, clamped to the range between the branches of the model at `temperature_c`."""

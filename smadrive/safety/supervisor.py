@@ -15,13 +15,12 @@ from math import inf, isfinite, nan
 
 from smadrive.measurement import Measurement
 from smadrive.safety.arming_checks import check_cooled, check_may_arm
-from smadrive.safety.bounding_wire import UNBOUNDED, Bounds
 from smadrive.safety.debounce import Debounce, Persistence, Renewal, Renewed
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Contradiction, Fault, Trip
 from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits, excuses_less_than
-from smadrive.safety.temperature_band import FROZEN_C, UNFOLLOWED_C, Heated, TemperatureBand
+from smadrive.safety.temperature_band import FROZEN_C, UNBOUNDED, UNFOLLOWED_C, AtLeast, Heated, TemperatureBand
 from smadrive.safety.temperature_by_resistance import TemperatureByResistance, always
 
 LATE_TICKS = 20
@@ -110,8 +109,7 @@ class Supervisor:
         check_may_arm(measurement, self._limits, self._contradiction(measurement))
         if self._temperature_band is not None:
             least_c = self._temperature_band.start(measurement.temperature_c, measurement.time_s)
-            above_c, up_to_c = self._bounds(self._limits.without_old_displacement(measurement)).excluded_c
-            if above_c > self._limits.temperature_max_c or up_to_c < inf:
+            if not self._is_cool(self._limits.without_old_displacement(measurement), inf):
                 check_cooled(measurement, least_c)
 
     @property
@@ -164,12 +162,12 @@ class Supervisor:
         if self._temperature_band is None:
             return
         reading_c = measurement.temperature_c
-        bounds = self._bounds(measurement) if contradiction is None else UNBOUNDED
-        band = self._temperature_band.update(reading_c, self._power_w, measurement.time_s, bounds)
+        at_least = self._at_least(measurement) if contradiction is None else UNBOUNDED
+        band = self._temperature_band.update(reading_c, self._power_w, measurement.time_s, at_least)
         is_hot = band.coldest_c > self._limits.temperature_max_c
         is_too_cold = reading_c < band.low_c or band.unfollowed_c > UNFOLLOWED_C
-        if contradiction is None and band.hottest_c <= self._limits.temperature_max_c:
-            is_hot = is_too_cold = False  # a draft cools the wire
+        if (is_hot or is_too_cold) and contradiction is None and self._is_cool(measurement, band.hottest_c):
+            is_hot = is_too_cold = False
         if self._overheated.update(is_hot):
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
@@ -181,12 +179,24 @@ class Supervisor:
             detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"
             self._raise(fault, measurement.time_s, detail)
 
-    def _bounds(self, measurement: Measurement) -> Bounds:
-        """Return what the measured displacement, or else the resistance, shows of the temperature and of the phase."""
+    def _at_least(self, measurement: Measurement) -> AtLeast:
+        """Return the lowest possible temperature and phase by the displacement, or else by the resistance."""
         if not isfinite(measurement.displacement_mm):
-            return UNBOUNDED if self._by_resistance is None else self._by_resistance.bounds()
+            return UNBOUNDED if self._by_resistance is None else self._by_resistance.at_least()
         band = self._displacement_band
-        return UNBOUNDED if band is None else band.bounds(measurement.displacement_mm)
+        return UNBOUNDED if band is None else band.at_least(measurement.displacement_mm)
+
+    def _is_cool(self, measurement: Measurement, hottest_c: float) -> bool:
+        """Return True if the measured displacement, or else the resistance, excludes a wire above `temperature_max_c`.
+
+        `hottest_c` is the greatest possible temperature of the wire by its heat input, °C. A reading below the
+        temperature band is then right if it belongs to the displacement: a draft cools the wire.
+        """
+        if not isfinite(measurement.displacement_mm):
+            return self._by_resistance is not None and self._by_resistance.excludes_limit(hottest_c)
+        if self._displacement_band is None:
+            return False
+        return self._displacement_band.hottest_c(measurement.displacement_mm) <= self._limits.temperature_max_c
 
     def _check_displacement(self, measurement: Measurement, setpoint_mm: float) -> None:
         limits, measured_mm = self._limits, measurement.displacement_mm

@@ -13,8 +13,7 @@ bounding_wire.py tells how often a wire takes up its latent heat. The reading mu
 `MARGIN_C`; the lag of the thermocouple is applied to each of them only where this widens the band. A displacement or
 resistance that needs a warmer wire raises the temperature of the coldest wires; a wire of the phase ξ takes up only the
 share 1 - ξ of Q. The reading leaves the band if the bead falls off, if the thermocouple is reversed, or if the wire
-receives heat that is not measured. A wire that is surely colder than a temperature stays so until the heat input can
-have warmed it: a second hottest wire begins at each temperature which the displacement or the resistance excludes.
+receives heat that is not measured.
 
 A frozen reading, which does not change even in its last digit, is detected sooner, from the power since its last
 change:
@@ -44,7 +43,7 @@ from dataclasses import dataclass
 from math import exp, inf, isfinite
 from typing import NamedTuple
 
-from smadrive.safety.bounding_wire import UNBOUNDED, BoundingWire, Bounds, ColdestWire, Shown, SimpleWire
+from smadrive.safety.bounding_wire import BoundingWire, ColdestWire, Shown, SimpleWire
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 
 TRANSFORMATION_C = 20.0
@@ -81,6 +80,17 @@ UNCERTAINTIES = {BalanceSource.DATA_SHEET: NOMINAL, BalanceSource.IDENTIFIED: ID
 """Uncertainty of a heat balance, by its source."""
 
 
+class AtLeast(NamedTuple):
+    """A lower bound of the wire's temperature, °C, and of its phase, by its displacement or by its resistance."""
+
+    temperature_c: float
+    phase: float
+
+
+UNBOUNDED = AtLeast(-inf, 0.0)
+"""No lower bound is known."""
+
+
 class Band(NamedTuple):
     """The limits of the reading and of the wire's temperature that follow from the heat input."""
 
@@ -91,7 +101,7 @@ class Band(NamedTuple):
     coldest_c: float
     """The least possible temperature of the wire itself, °C."""
     hottest_c: float
-    """The greatest temperature of the wire by displacement or resistance, now or earlier; inf if they limit nothing."""
+    """The greatest possible temperature of the wire itself, °C."""
     unseen_c: float
     """The least possible temperature change of the wire since the reading last changed, K."""
     unfollowed_c: float
@@ -128,7 +138,6 @@ class TemperatureBand:
             for capacity in (factor * nominal, nominal, quick)
         )
         self._hottest = BoundingWire(least_w_per_k, max, warming_j_per_k=quick, cooling_j_per_k=slow)
-        self._limited = SimpleWire(least_w_per_k, warming_j_per_k=quick, cooling_j_per_k=slow)
         self._unseen = tuple(SimpleWire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=slow) for _ in range(2))
         self._time_constant_s = balance.time_constant_s
         self._lag_s = lag_s
@@ -171,27 +180,25 @@ class TemperatureBand:
     def _begin(self, reading_c: float) -> None:
         for wire in self._coldest:
             wire.start(reading_c, min(self._ambient_c, reading_c) - SURROUNDINGS_C)
-        warmest_c = max(self._ambient_c, reading_c) + SURROUNDINGS_C
-        self._hottest.start(reading_c, warmest_c)
-        self._limited.start(inf, warmest_c)
+        self._hottest.start(reading_c, max(self._ambient_c, reading_c) + SURROUNDINGS_C)
         self._phase = 0.0
         self._mean_c, self._mean_w = reading_c, self._most_w_per_k * max(reading_c - self._ambient_c, 0.0)
         self._rise_k, self._shown_k = 0.0, 0.0
         self._lost_w = 0.0
         self._changed(reading_c, 0.0)
 
-    def update(self, reading_c: float, power_w: float, time_s: float, bounds: Bounds = UNBOUNDED) -> Band:
+    def update(self, reading_c: float, power_w: float, time_s: float, at_least: AtLeast = UNBOUNDED) -> Band:
         """Return the band at `time_s`, after heating with `power_w`. The thermocouple now reads `reading_c`."""
         dt_s = 0.0 if self._time_s is None else time_s - self._time_s
         self._time_s = time_s
         is_cooling = any(power_w < wire.holding_w() for wire in self._coldest)
-        self._phase = bounds.phase if is_cooling else max(bounds.phase, self._phase)
+        self._phase = at_least.phase if is_cooling else max(at_least.phase, self._phase)
         for wire in self._coldest:
             wire.untransformed = 1.0 - self._phase
-        followed = self._step(power_w, dt_s, bounds.coldest_c)
+        followed = self._step(power_w, dt_s, at_least.temperature_c)
         coldest_c = min(wire.temperature_c for wire in self._coldest)
         low_c = min(wire.reading_c for wire in self._coldest)
-        hottest_c, high_c = self._limited_c(power_w, dt_s, *bounds.excluded_c), self._hottest.reading_c
+        hottest_c, high_c, _ = self._hottest.shown
         unseen_c = self._unseen_c(reading_c, power_w, dt_s)
         unfollowed_c = self._unfollowed_c(reading_c, power_w, followed, dt_s)
         return Band(low_c - MARGIN_C, high_c + MARGIN_C, coldest_c, hottest_c, unseen_c, unfollowed_c)
@@ -205,13 +212,6 @@ class TemperatureBand:
         self._hottest.step(power_w, dt_s)
         self._hottest.show(followed)
         return followed
-
-    def _limited_c(self, power_w: float, dt_s: float, low_c: float, high_c: float) -> float:
-        """Return the temperature of the second hottest wire, if no wire is between the two temperatures."""
-        hottest_c = min(self._limited.step(power_w, dt_s), self._hottest.temperature_c)
-        if hottest_c <= high_c:
-            self._limited.temperature_c = min(hottest_c, low_c)
-        return self._limited.temperature_c
 
     def _unfollowed_c(self, reading_c: float, power_w: float, followed: float, dt_s: float) -> float:
         """Return how far the reading stays behind the least rise by the power of the last second, K.

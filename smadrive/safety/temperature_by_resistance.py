@@ -6,32 +6,30 @@ weights that decay with the age of a sample, the mean resistance and its standar
 
     R = Σ V I / Σ I²        σ = σ_U / sqrt(Σ I²)        σ_U the noise of the measurement as a voltage
 
-A wire that becomes hot passes every temperature. At T its resistance is at most the largest R(T, ξ) with ξ from the
-heating branch at T - δ to 1; δ allows for a changed load. This bound is least at T_p, where nearly all of the wire is
-transformed, and rises beyond T_p, because hot austenite has more resistance. A resistance above the bound from T_p to T
-excludes these temperatures. So hot austenite, which has the resistance of a colder wire that is not fully transformed,
-is told from this wire by its past: it has passed T_p. T_p is at most T_max.
+A wire at T_max or above it is transformed: its resistance is at most the largest R(T, ξ) with T ≥ T_max, and ξ from the
+heating branch at T - δ to 1. A wire with a larger resistance is colder than T_max. δ allows for a changed load.
 
 At a reading T of the thermocouple, the resistance lies between the least and the largest R(T ± δ, ξ), with ξ in the
 displacement band (displacement_band.py). Otherwise the reading does not belong to the wire.
 
-The measured resistance may be wrong by `MARGIN` and 3 σ. No reading is compared with the resistance of an earlier time.
-A current below the least current of a measurement is at most `HELD_SHARE` of the current that holds a wire at T_max, so
-it cannot heat the wire to T_max.
+The measured resistance may be wrong by `MARGIN` and 3 σ. A current below the least current of a measurement is at most
+`HELD_SHARE` of the current that holds a wire at T_max, so it cannot heat the wire to T_max. A wire that was colder than
+T_max then stays colder, and no reading is compared with the resistance of an earlier time.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections.abc import Callable
 from math import exp, inf, isfinite, sqrt
 
 import numpy as np
 
 from smadrive.measurement import Measurement
-from smadrive.safety.bounding_wire import UNBOUNDED, Bounds
+from smadrive.numerics.piecewise_linear import PiecewiseLinear
 from smadrive.safety.displacement_band import UNSURE_C, DisplacementBand
 from smadrive.safety.resistance_band import current_min_a
+from smadrive.safety.temperature_band import UNBOUNDED, AtLeast
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
 
@@ -45,10 +43,7 @@ HELD_SHARE = 0.5
 """A resistance is measured from this share of the current that holds the cold wire at `temperature_max_c`, or less."""
 
 BEYOND_C, POINTS = 300.0, 200
-"""Resistances are looked up at this number of temperatures, up to T_p + `BEYOND_C`."""
-
-TRANSFORMED = 0.5
-"""At T_p at least this share of the wire is transformed."""
+"""Resistances are looked up at this number of temperatures, up to T_max + `BEYOND_C`."""
 
 
 def always() -> bool:
@@ -74,10 +69,10 @@ class TemperatureByResistance:
         self._wire, self._resistance, self._band, self._is_used = wire, resistance, displacement_band, is_used
         held_a = wire.balance.current_a(wire.balance.power_w(temperature_max_c, 0.0, 0.0), 0.0)
         self._least_a = min(current_min_a(current_max_a), HELD_SHARE * held_a)
+        hot_c = np.linspace(temperature_max_c, temperature_max_c + BEYOND_C, POINTS).tolist()
+        most_ohm = [max(self._ohms(one_c, self._transformed_mm(one_c))) for one_c in hot_c]
+        self._hot_ohm = PiecewiseLinear(hot_c, np.maximum.accumulate(most_ohm))
         self._warming_c = np.linspace(wire.model.input_range[0], temperature_max_c, POINTS).tolist()
-        passed_c = min([one_c for one_c in self._warming_c if self._is_transformed(one_c)], key=self._most_ohm)
-        self._beyond_c = np.linspace(passed_c, passed_c + BEYOND_C, POINTS).tolist()
-        self._beyond_ohm = np.maximum.accumulate([self._most_ohm(one_c) for one_c in self._beyond_c]).tolist()
         least_ohm = [min(self._ohms(one_c, displacement_band.band_mm(one_c))) for one_c in self._warming_c]
         self._falling_ohm = np.minimum.accumulate(least_ohm)[::-1].tolist()
         self._power_w, self._squares_a2, self._time_s, self._now_s = 0.0, 0.0, -inf, 0.0
@@ -98,23 +93,30 @@ class TemperatureByResistance:
         """True while the mean resistance belongs to the present time."""
         return self._now_s - self._time_s <= MEAN_S
 
-    def bounds(self) -> Bounds:
-        """Return what the resistance shows of the wire; `UNBOUNDED` while it is not measured.
+    def excludes_limit(self, hottest_c: float) -> bool:
+        """Return True if the wire must be colder than `temperature_max_c`; False before the first measurement.
 
-        Nothing bounds the temperature from below if a cold wire can have this resistance.
+        `hottest_c` is the greatest possible temperature of the wire by its heat input, °C.
+        """
+        if not (self._squares_a2 and self._is_used()):
+            return False
+        ohm, sure_ohm = self._measured()
+        return ohm - sure_ohm > self._hot_ohm.at(hottest_c)
+
+    def at_least(self) -> AtLeast:
+        """Return the lowest temperature and phase at which the wire can have this resistance.
+
+        The result is `UNBOUNDED` if a cold wire can have it, and while the resistance is not measured.
         """
         if not (self.is_measured and self._is_used()):
             return UNBOUNDED
         ohm, sure_ohm = self._measured()
-        bounds = UNBOUNDED
-        if warmer := POINTS - bisect_right(self._falling_ohm, ohm + sure_ohm):
-            coldest_c = self._warming_c[min(warmer, POINTS - 1)]
-            phase = self._resistance.phase(ohm + sure_ohm, coldest_c, start=1.0)
-            bounds = Bounds(coldest_c, min(max(phase, 0.0), 1.0) if isfinite(phase) else 0.0)
-        excluded = bisect_left(self._beyond_ohm, ohm - sure_ohm)
-        if not excluded:
-            return bounds
-        return bounds._replace(excluded_c=(self._beyond_c[0], self._beyond_c[excluded - 1]))
+        warmer = POINTS - bisect_right(self._falling_ohm, ohm + sure_ohm)
+        if not warmer:
+            return UNBOUNDED
+        least_c = self._warming_c[min(warmer, POINTS - 1)]
+        phase = self._resistance.phase(ohm + sure_ohm, least_c, start=1.0)
+        return AtLeast(least_c, min(max(phase, 0.0), 1.0) if isfinite(phase) else 0.0)
 
     def outside(self, temperature_c: float) -> str | None:
         """Return a text if the resistance does not belong to the reading `temperature_c`, otherwise None.
@@ -135,15 +137,6 @@ class TemperatureByResistance:
         """Return the mean resistance and its largest error, Ω."""
         ohm = self._power_w / self._squares_a2
         return ohm, MARGIN * ohm + 3.0 * self._resistance.noise_v / sqrt(self._squares_a2)
-
-    def _is_transformed(self, temperature_c: float) -> bool:
-        """Return True if a heated wire of this temperature, or hotter than the model knows, counts as transformed."""
-        least_mm, _ = self._transformed_mm(temperature_c)
-        return self._wire.phase_at(least_mm) >= TRANSFORMED or temperature_c == self._warming_c[-1]
-
-    def _most_ohm(self, temperature_c: float) -> float:
-        """Return the largest resistance of a heated wire of this temperature, Ω."""
-        return max(self._ohms(temperature_c, self._transformed_mm(temperature_c)))
 
     def _transformed_mm(self, temperature_c: float) -> tuple[float, float]:
         """Return the displacements of the heating branch, if a load has moved it by δ, and of its hot end, mm."""

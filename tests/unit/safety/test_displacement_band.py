@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smadrive.hysteresis import DuhemModel
-from smadrive.safety.bounding_wire import UNBOUNDED
 from smadrive.safety.displacement_band import MARGIN, UNSURE_C, DisplacementBand
 
 
@@ -32,10 +31,10 @@ def test_wire_of_any_history_is_within_its_band(turns, scale):
             low, high = placed.band_mm(at_c + off_c)
             assert low <= 1.0 + aged * (y - 1.0) <= high
         for share in (1.0 / aged, aged):
-            bounds = placed.bounds(1.0 + share * (y - 1.0))
-            assert at_c + 0.9 * UNSURE_C <= bounds.excluded_c[0]
-            assert bounds.coldest_c <= at_c - 0.9 * UNSURE_C
-            assert bounds.phase <= (y - 1.0) / scale + 1e-9
+            assert at_c + 0.9 * UNSURE_C <= placed.hottest_c(1.0 + share * (y - 1.0))
+            least = placed.at_least(1.0 + share * (y - 1.0))
+            assert least.temperature_c <= at_c - 0.9 * UNSURE_C
+            assert least.phase <= (y - 1.0) / scale + 1e-9
 
 
 @pytest.mark.parametrize("scale", [12.0, -3.0])
@@ -63,11 +62,9 @@ def test_band_is_constant_beyond_the_range_of_the_model():
 @pytest.mark.parametrize("scale", [12.0, -3.0])
 def test_displacement_of_a_wire_that_is_not_transformed_limits_its_temperature(scale):
     placed = DisplacementBand(wire(scale))
-    excluded_c = [placed.bounds(1.0 + share * scale).excluded_c for share in (0.0, 0.4, 0.8)]
-    assert [low_c for low_c, _ in excluded_c] == pytest.approx([93.6, 100.0, 106.4], abs=0.6)
-    assert [high_c for _, high_c in excluded_c] == [inf] * 3
-    assert placed.bounds(1.0 + 0.95 * scale).excluded_c == UNBOUNDED.excluded_c
-    assert placed.bounds(nan) == UNBOUNDED
+    limits_c = [placed.hottest_c(1.0 + share * scale) for share in (0.0, 0.4, 0.8)]
+    assert limits_c == pytest.approx([83.6 + UNSURE_C, 90.0 + UNSURE_C, 96.4 + UNSURE_C], abs=0.6)
+    assert placed.hottest_c(1.0 + 0.95 * scale) == placed.hottest_c(nan) == inf
 
 
 @pytest.mark.parametrize("scale", [12.0, -3.0])

@@ -2,7 +2,7 @@
 
 from contextlib import nullcontext
 from dataclasses import replace
-from math import inf, nan, sin
+from math import nan, sin
 
 import pytest
 from hypothesis import given, settings
@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from smadrive.errors import SafetyError
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
-from smadrive.safety.bounding_wire import UNBOUNDED
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
 from smadrive.safety.supervisor import Supervisor
@@ -290,33 +289,3 @@ def test_unmeasured_heat_trips():
     wire = Wire(NOMINAL_BALANCE)
     trip = run(supervised(NOMINAL_BALANCE), wire, [0.0] * 200, lambda _n, _c: wire.heat(2.0))
     assert trip.fault is Fault.READS_TOO_HOT
-
-
-def heated_band(power_w, bounds=UNBOUNDED, begin=0, ticks=40, band=None):
-    """Heat a wire, which reads 60 °C, within `bounds`. Return the band, and its limits at the last tick."""
-    if band is None:
-        band = TemperatureBand(NOMINAL_BALANCE, IDENTIFIED, 0.5)
-        band.start(60.0, 0.0)
-    for n in range(begin + 1, begin + ticks + 1):
-        limits = band.update(60.0, power_w, n * TICK_S, bounds)
-    return band, limits
-
-
-def test_heat_input_alone_limits_no_wire_from_above():
-    assert heated_band(0.5)[1].hottest_c == inf
-
-
-def test_wire_that_was_colder_than_excluded_temperatures_is_so_until_the_heat_input_can_have_warmed_it():
-    excluded = UNBOUNDED._replace(excluded_c=(100.0, 500.0))
-    band, limits = heated_band(3.0, excluded)
-    assert limits.hottest_c == 100.0
-    assert heated_band(0.0, begin=40, ticks=20, band=band)[1].hottest_c < 100.0
-    assert heated_band(3.0, begin=60, band=band)[1].hottest_c > 200.0
-
-
-def test_excluded_temperatures_below_the_hottest_possible_wire_limit_nothing():
-    assert heated_band(3.0, ticks=100)[0].heated.hottest.wire_c > 150.0
-    band, limits = heated_band(3.0, ticks=100)
-    assert limits.hottest_c == inf
-    assert heated_band(3.0, UNBOUNDED._replace(excluded_c=(100.0, 150.0)), 100, band=band)[1].hottest_c == inf
-    assert heated_band(3.0, UNBOUNDED._replace(excluded_c=(100.0, inf)), 140, band=band)[1].hottest_c == 100.0

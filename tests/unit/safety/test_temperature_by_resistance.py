@@ -7,11 +7,10 @@ import pytest
 
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
-from smadrive.safety.bounding_wire import UNBOUNDED
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
 from smadrive.safety.supervisor import Supervisor
-from smadrive.safety.temperature_band import IDENTIFIED, TemperatureBand
+from smadrive.safety.temperature_band import IDENTIFIED, UNBOUNDED, TemperatureBand
 from smadrive.safety.temperature_by_resistance import TemperatureByResistance, always
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
@@ -41,61 +40,55 @@ def sample(wire_c, phase, n=0, reading_c=None, current_a=0.3, displacement_mm=na
     return Measurement(0.05 * n, read_c, current_a, voltage_v, displacement_mm, armed=True, in_force_a=current_a)
 
 
-def excludes_limit(judged, hottest_c=HOTTEST_C):
-    """Return True if the wire has no temperature from the limit to `hottest_c`."""
-    low_c, high_c = judged.bounds().excluded_c
-    return low_c <= MOST_C and hottest_c <= high_c
-
-
 @pytest.mark.parametrize(
     ("wire_c", "phase", "excluded"),
     [(22.0, 0.0, True), (85.0, 0.2, True), (88.0, 0.5, True), (MOST_C, 1.0, False), (MOST_C + 15.0, 1.0, False)],
 )
 def test_only_a_wire_that_is_not_transformed_is_colder_than_the_limit(wire_c, phase, excluded):
     judged = by_resistance()
-    assert not excludes_limit(judged)
+    assert not judged.excludes_limit(HOTTEST_C)
     for n in range(10):
         judged.update(sample(wire_c, phase, n))
-    assert excludes_limit(judged) is excluded
+    assert judged.excludes_limit(HOTTEST_C) is excluded
 
 
 def test_hot_wire_is_not_excluded_however_hot_its_heat_input_may_have_made_it():
     judged = by_resistance()
     for n in range(10):
         judged.update(sample(240.0, 1.0, n))
-    assert excludes_limit(judged, 140.0)
-    assert not excludes_limit(judged, 260.0)
+    assert judged.excludes_limit(hottest_c=140.0)
+    assert not judged.excludes_limit(hottest_c=260.0)
 
 
 @pytest.mark.parametrize(("wire_c", "phase"), [(80.0, 0.9), (100.0, 1.0), (95.0, 0.6), (130.0, 1.0)])
 def test_resistance_bounds_temperature_and_phase_from_below(wire_c, phase):
     judged = by_resistance()
-    assert judged.bounds() == UNBOUNDED
+    assert judged.at_least() == UNBOUNDED
     for n in range(10):
         judged.update(sample(wire_c, phase, n))
-    bounds = judged.bounds()
-    assert 22.0 < bounds.coldest_c <= wire_c
-    assert 0.0 < bounds.phase <= phase
+    least = judged.at_least()
+    assert 22.0 < least.temperature_c <= wire_c
+    assert 0.0 < least.phase <= phase
 
 
 def test_cold_wire_has_no_lower_bound():
     judged = by_resistance()
     for n in range(10):
         judged.update(sample(40.0, 0.0, n))
-    assert judged.bounds()._replace(excluded_c=UNBOUNDED.excluded_c) == UNBOUNDED
+    assert judged.at_least() == UNBOUNDED
 
 
-def test_resistance_shows_nothing_while_the_current_is_too_small_or_the_voltage_unknown():
+def test_sample_with_a_small_current_or_without_a_voltage_keeps_the_last_result():
     judged = by_resistance()
     for n in range(10):
         judged.update(sample(85.0, 0.2, n))
     for n in range(10, 60):
         judged.update(sample(MOST_C, 1.0, n, current_a=0.04))
         judged.update(sample(MOST_C, 1.0, n)._replace(voltage_v=nan))
-    assert judged.bounds() == UNBOUNDED
+    assert judged.excludes_limit(HOTTEST_C)
     for n in range(60, 70):
         judged.update(sample(MOST_C, 1.0, n))
-    assert not excludes_limit(judged)
+    assert not judged.excludes_limit(HOTTEST_C)
 
 
 def test_current_that_can_heat_the_wire_to_the_limit_is_large_enough_whatever_the_supply_can_give():
@@ -104,7 +97,7 @@ def test_current_that_can_heat_the_wire_to_the_limit_is_large_enough_whatever_th
         judged.update(sample(85.0, 0.2, n))
     for n in range(10, 60):
         judged.update(sample(MOST_C, 1.0, n, current_a=0.2))
-    assert not excludes_limit(judged)
+    assert not judged.excludes_limit(HOTTEST_C)
 
 
 def test_resistance_belongs_to_a_right_reading_and_not_to_a_wrong_one():
@@ -132,19 +125,6 @@ def test_draft_trips_only_if_the_resistance_does_not_show_a_cool_wire():
     assert trip(in_a_draft, by_resistance()) is None
 
 
-def test_wire_that_is_not_transformed_is_told_by_its_past_from_hot_austenite():
-    """Above some 150 °C, austenite has the resistance of the wire in this draft."""
-    cold = [sample(60.0, 0.0, n, current_a=0.36) for n in range(20)]
-    in_a_draft = [sample(95.0, 0.8, 20 + n, current_a=0.38) for n in range(600)]
-    judged = by_resistance()
-    assert trip(cold + in_a_draft, judged) is None
-    assert not excludes_limit(judged, 200.0)
-    without_bead = [sample(130.0, 1.0, 20 + n, reading_c=95.0, current_a=0.38) for n in range(600)]
-    assert trip(cold + without_bead, by_resistance()) is Fault.READS_TOO_COLD
-    later = [sample(200.0, 1.0, 220 + n, reading_c=95.0, current_a=0.38) for n in range(600)]
-    assert trip(cold + without_bead[:3] + later, by_resistance()) is not None
-
-
 def test_reading_that_does_not_belong_to_the_resistance_trips():
     without_bead = [sample(95.0, 0.95, n, reading_c=40.0, current_a=0.2) for n in range(100)]
     assert trip(without_bead, None) is None
@@ -169,10 +149,10 @@ def test_resistance_that_is_not_used_judges_nothing_until_it_is_used():
     judged = by_resistance(lambda: is_used[0])
     for n in range(10):
         judged.update(sample(30.0, 0.0, n))
-    assert not excludes_limit(judged)
+    assert not judged.excludes_limit(HOTTEST_C)
     assert judged.outside(110.0) is None
     is_used[0] = True
-    assert excludes_limit(judged)
+    assert judged.excludes_limit(HOTTEST_C)
     assert judged.outside(110.0) is not None
 
 
