@@ -14,6 +14,7 @@ from importlib.metadata import version
 from math import inf, isfinite
 from pathlib import Path
 
+from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.source_events import SourceEvents
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
@@ -62,8 +63,7 @@ class TickRecorder(Recorder):
         self.row(_row(tick))
         self._report_faults(tick.measurement)
         self._report_limits(tick.measurement)
-        for event in () if self._source is None else self._source.update(tick.command):
-            self.event(event)
+        self._report_source(tick.command)
 
     def _cause(self, error: BaseException) -> str:
         is_interruption = isinstance(error, KeyboardInterrupt | SystemExit)
@@ -86,6 +86,12 @@ class TickRecorder(Recorder):
             if limit not in self._reported_limits:
                 self._reported_limits.add(limit)
                 self.event(f"limited by {limit} for the first time")
+
+    def _report_source(self, command: Command) -> None:
+        if self._source is not None:
+            by_sensor = not (command.uses_resistance or command.sensor_replaced)
+            for event in self._source.update(command, by_sensor=by_sensor):
+                self.event(event)
 
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:

@@ -46,15 +46,10 @@ DRAFT_SHARE = 0.1
 """An unexplained power of more than this share of the heat loss is a draft, and changes in proportion to the loss."""
 
 MOST_DRAFT = 0.8
-"""The largest additional loss by a draft that nothing but the thermocouple shows, as a share of the identified loss.
+"""Without a displacement sensor, the largest additional loss by a draft, as a share of the identified loss.
 
-Such a draft may be a bead that comes off. A larger share would overheat a wire whose bead comes off.
-"""
-
-SHOWS_DRAFT = {True: 0.85, False: 0.75}
-"""A phase by the resistance shows a draft of any strength while it is below 0.85, and again once it is below 0.75.
-
-A larger phase does not: hot austenite has the resistance of a colder wire that is not fully transformed.
+Thermocouple and resistance cannot tell a stronger draft from a bead that comes off: hot austenite has the resistance of
+a colder wire that is not fully transformed. A larger share would overheat a wire whose bead comes off.
 """
 
 MARGIN_NOISES = 3.0
@@ -147,11 +142,8 @@ class WireObserver:
         if isfinite(displacement_mm):
             expected = self._predicted(before, power_w, dt_s, self._seeing_c)
             read_c = _innovation_c(reading_c, expected.thermocouple_c)
-            shows_draft = by_sensor or self._wire.phase_at(displacement_mm) < SHOWS_DRAFT[before.shows_draft]
-            least_w = -inf if shows_draft else self._strongest_draft_w(expected.temperature_c)
-            noise_mm = noise_mm or self._noise_mm
-            corrected = self._corrected_by_both(expected, read_c, displacement_mm, noise_mm, least_w)
-            return corrected._replace(shows_draft=shows_draft)
+            least_w = -inf if by_sensor else self._strongest_draft_w(expected.temperature_c)
+            return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm or self._noise_mm, least_w)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
         read_c = _innovation_c(reading_c, thermocouple_c)
         evidence = self._test.by_reading(before.evidence, read_c, wire_c - thermocouple_c)

@@ -16,7 +16,8 @@ wire is heated fast, the error is larger. So the sensor is compared with a range
 
     by the resistance at T ... by the resistance at T - `WRONG_SHIFTS` b̄      b̄ the mean of b < 0 over `SHIFT_S`
 
-A sensor that slips changes b̄ by little, and late.
+A sensor that slips changes b̄ by little, and late. A lower load shifts the transformation, too. After it, a slip to
+higher readings is not found if it is within this range, which is up to some 10 % of the stroke wide.
 """
 
 from __future__ import annotations

@@ -20,7 +20,6 @@ class WireEstimate(NamedTuple):
     radius_c         radius of the dead band, K
     evidence         state of the innovation test
     shift_c          shift of the transformation, K: the input of the hysteresis model is the temperature minus this
-    shows_draft      True while the displacement tells a draft of any strength from a bead that comes off
     """
 
     temperature_c: float
@@ -31,7 +30,6 @@ class WireEstimate(NamedTuple):
     radius_c: float = 0.0
     evidence: DisturbanceEvidence = DisturbanceEvidence()
     shift_c: float = 0.0
-    shows_draft: bool = False
 
 
 class Prediction(NamedTuple):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from smadrive.control.controllers.interface import Command
 from smadrive.control.controllers.source_events import SourceEvents
 from smadrive.control.controllers.swappable import SwappableController
+from smadrive.measurement import DisplacementFrom
 from smadrive.rig.rig import Rig
 from smadrive.tuning.link.channel import DriverEnd
 from smadrive.tuning.link.requests import Arm, PageRequest
@@ -70,8 +71,12 @@ class SessionState:
             self.report(f"warning: {warning}")
 
     def note_source(self, command: Command) -> None:
-        """Add an event if the source of the displacement has changed with this command."""
-        for event in self.source_events.update(command):
+        """Add an event if the source of the displacement has changed with this command of the control loop."""
+        if self.live is None:
+            return
+        source = self.live.source
+        by_sensor = source is not None and source.source is DisplacementFrom.SENSOR
+        for event in self.source_events.update(command, by_sensor=by_sensor):
             self.report(event)
 
     def answer(self, request: PageRequest | None, refused: str | None) -> None:

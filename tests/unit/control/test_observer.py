@@ -205,29 +205,17 @@ def test_displacement_of_a_disturbed_wire_is_followed_where_the_model_does_not_m
 
 
 @pytest.mark.parametrize("noise_mm", [0.006, 0.12])
-@pytest.mark.parametrize(("wire_c", "is_bounded"), [(88.0, False), (97.0, True)])
-def test_draft_by_resistance_has_a_bound_only_near_the_hot_end(wire_c, is_bounded, noise_mm):
-    """There a bead that has come off looks like a draft: hot austenite has the same resistance."""
+def test_draft_has_a_bound_by_resistance_however_small_its_noise(noise_mm):
+    """A bead that has come off looks like a draft, and the resistance cannot exclude that."""
     resistance = WireResistance(22.0, 16.5, 0.01, 0.04, 0.01, 0.01, 0.0, (0.0, 80.0, 160.0), (14.0,) * 3)
-    observer, state = WireObserver(WireModel(LOOP, TRUE, resistance), DT_S, 0.1, 0.012), LOOP.initial_state(wire_c)
+    observer, state = WireObserver(WireModel(LOOP, TRUE, resistance), DT_S, 0.1, 0.012), LOOP.initial_state(88.0)
     found = []
     for by_sensor in (True, False):
-        estimate = observer.start(wire_c, state.y)._replace(disturbance_w=-3.0)
-        power_w = TRUE.power_w(wire_c, 0.0, 0.0) + 3.0
-        found.append(observer.update(estimate, wire_c, state.y, power_w, DT_S, noise_mm, by_sensor=by_sensor))
+        estimate = observer.start(88.0, state.y)._replace(disturbance_w=-3.0)
+        power_w = TRUE.power_w(88.0, 0.0, 0.0) + 3.0
+        found.append(observer.update(estimate, 88.0, state.y, power_w, DT_S, noise_mm, by_sensor=by_sensor))
     assert observer.cooling(found[0]) > 2.5
-    assert (observer.cooling(found[1]) < 2.0) is is_bounded
-
-
-def test_draft_by_resistance_has_a_bound_until_the_wire_has_left_the_hot_end():
-    resistance = WireResistance(22.0, 16.5, 0.01, 0.04, 0.01, 0.01, 0.0, (0.0, 80.0, 160.0), (14.0,) * 3)
-    observer = WireObserver(WireModel(LOOP, TRUE, resistance), DT_S, 0.1, 0.012)
-    found = []
-    for phase in (0.8, 0.7, 0.8, 0.9, 0.8, 0.7):
-        displacement_mm = LOOP.offset + LOOP.scale * phase
-        estimate = observer.start(90.0, displacement_mm)._replace(shows_draft=bool(found) and found[-1])
-        found.append(observer.update(estimate, 90.0, displacement_mm, 0.5, DT_S, 0.1, by_sensor=False).shows_draft)
-    assert found == [False, True, True, False, False, True]
+    assert observer.cooling(found[1]) < 2.0
 
 
 def test_observer_continues_from_the_estimate_of_another():

@@ -222,6 +222,17 @@ def test_resistance_replaces_a_sensor_that_shows_nothing_until_it_works_again(re
     assert true_rms_percent(rig, 13.0, 19.0) < 0.8
 
 
+@pytest.mark.parametrize("ends", [lambda rig: rig.at(16.0, "off"), lambda rig: choose(rig, 16.0, "none")])
+def test_sensor_that_is_not_used_any_more_is_not_said_to_be_valid_again(resistive_rig, ends):
+    rig = tracked(resistive_rig)
+    displacement = rig.device.bench.sensors.faults.displacement
+    rig.do(14.0, lambda: displacement.begin("open", None, lambda _reading, _age_s: nan))
+    ends(rig)
+    rig.run(until_s=18.0)
+    assert BY_RESISTANCE in events(rig)
+    assert BY_SENSOR not in events(rig)
+
+
 def test_slipped_sensor_is_not_fitted_and_not_scored(resistive_rig, tmp_path):
     rig = tracked(resistive_rig)
     path = tmp_path / "tuning.h5"
