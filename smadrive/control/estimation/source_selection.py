@@ -192,16 +192,20 @@ class SourceSelection:
     def _closest(
         self, state: SourceState, sensor: DisplacementReading, at_t: DisplacementReading, sample: ResistanceSample
     ) -> DisplacementReading:
-        """Return the displacement nearest to the sensor that the resistance shows if the temperature is wrong.
+        """Return the displacement of the range by resistance that is nearest to the sensor.
 
-        `at_t` is the displacement by the resistance at the estimated temperature.
+        One end of the range is `at_t`, the displacement at the estimated temperature. If the sensor or an end is not
+        measured, the result is `at_t`.
         """
         assert self._resistance is not None
-        wrong = sample._replace(temperature_c=sample.temperature_c - WRONG_SHIFTS * state.shift_c)
-        ends_mm = at_t.mm, self._resistance.displacement(state.lead, wrong).mm
-        if not (isfinite(sensor.mm) and all(map(isfinite, ends_mm))):
+        if not (isfinite(sensor.mm) and isfinite(at_t.mm)):
             return at_t
-        return at_t._replace(mm=min(max(sensor.mm, min(ends_mm)), max(ends_mm)))
+        warmer = sample._replace(temperature_c=sample.temperature_c - WRONG_SHIFTS * state.shift_c)
+        other_mm = self._resistance.displacement(state.lead, warmer).mm
+        if not isfinite(other_mm):
+            return at_t
+        low_mm, high_mm = sorted((at_t.mm, other_mm))
+        return at_t._replace(mm=min(max(sensor.mm, low_mm), high_mm))
 
     def _source(
         self, state: SourceState, sensor: DisplacementReading, resistance: DisplacementReading
