@@ -2,7 +2,6 @@
 
 import os
 import threading
-import time
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from smadrive.devices.state import key as keys
 from smadrive.devices.state.key import APPLIES, DeviceKey, Match, key_at, port_names, serial_number
 from smadrive.errors import ConfigError
 from smadrive.modbus.transports import host_names
+from tests.waiting import wait_for
 
 PORTS = {Match.SAME: {"usb-1"}, Match.DIFFERENT: {"usb-2"}, Match.UNKNOWN: set()}
 SERIALS = {Match.SAME: "77", Match.DIFFERENT: "78", Match.UNKNOWN: None}
@@ -102,14 +102,25 @@ def test_a_link_whose_adapter_is_unplugged_still_names_it(udev, tmp_path):
     assert str(link) in port_names(f"serial://{link}")
 
 
+def created_now_ns() -> int:
+    """Return the time at which the kernel says that a pseudo-terminal of this moment was created."""
+    near, far = os.openpty()
+    created_ns = os.fstat(far).st_ctime_ns
+    os.close(near)
+    os.close(far)
+    return created_ns
+
+
 def test_a_pseudo_terminal_is_known_by_its_number_only_while_it_exists():
     near, far = os.openpty()
     path = os.ttyname(far)
+    created_ns = os.fstat(far).st_ctime_ns
     before = port_names(f"serial://{path}")
     assert before == port_names(f"serial://{path}")
     os.close(near)
     os.close(far)
-    time.sleep(0.02)  # times of the kernel have a resolution of some milliseconds
+    # the clock of the kernel's files moves in ticks, and a busy machine delays them
+    wait_for(lambda: created_now_ns() != created_ns)
     with ExitStack() as stack:
         while not Path(path).exists():  # another program may get the number meanwhile
             for end in os.openpty():
