@@ -7,7 +7,6 @@ import sys
 import time
 from contextlib import suppress
 
-import pandas as pd
 import psutil
 import pytest
 from exact_wire import exact_wire
@@ -76,6 +75,8 @@ class Campaign:
         return found
 
     def table(self, output):
+        import pandas as pd  # here, because every test process imports this file
+
         return pd.read_parquet(self.folder / output / "results.parquet")
 
 

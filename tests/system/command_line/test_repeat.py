@@ -222,6 +222,7 @@ def test_warning_of_a_changed_rig_is_short_and_names_the_lost_sensor(folder):
     assert "displacement" in caveat
 
 
+@pytest.mark.exhaustive
 def test_warning_of_a_resumed_run_is_printed_once(folder, tmp_path):
     text = (configs_dir() / "rigs" / "in-process.toml").read_text()
     (tmp_path / "rig.toml").write_text(text.replace("watchdog_s = 0.5", "watchdog_s = 0.6"))

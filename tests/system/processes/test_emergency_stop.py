@@ -277,6 +277,7 @@ def test_script_on_an_open_rig_is_stopped(heated):
     assert (log.ended_by, log.is_ended_by_user) == (f"{STOP}: `smadrive off`", True)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("heated", ["board"], indirect=True)
 def test_idle_script_knows_that_it_was_stopped(heated):
     with heated.start("-c", IDLE_SCRIPT, str(heated.rig), stdin=subprocess.PIPE) as script:
@@ -290,6 +291,7 @@ def test_idle_script_knows_that_it_was_stopped(heated):
     assert CONFIRMED in errors[0]
 
 
+@pytest.mark.exhaustive
 def test_driver_is_stopped_although_its_link_leads_to_another_device(tmp_path):
     """As when an adapter is plugged in again, and another one gets the link of a udev rule."""
     text = (configs_dir() / "rigs" / "simulated.toml").read_text()

@@ -140,6 +140,7 @@ def test_guardian_switches_off_for_a_driver_that_cannot(tmp_path, fate):
             assert "the guardian has taken over" in said.replace("\n", " ")
 
 
+@pytest.mark.exhaustive
 def test_the_guardian_switches_off_behind_the_loop_of_a_script(tmp_path):
     with driven(tmp_path, script=SCRIPTED) as (script, supply):
         (loop,) = children(script.pid)
@@ -245,6 +246,7 @@ def test_guardian_watches_while_current_flows_although_the_supply_reports_off(tm
     assert "confirmed by read-back" not in said
 
 
+@pytest.mark.exhaustive
 def test_stalled_terminal_does_not_keep_the_heat_on(tmp_path):
     """The terminal stalls like an ssh session or an unread pipe. Messages are lost, but the heater is switched off."""
     nobody_reads, stalled = os.pipe()

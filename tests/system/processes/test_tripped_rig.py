@@ -90,6 +90,7 @@ def is_tripped(url, clock):
         return rig.latch.read() is not None
 
 
+@pytest.mark.exhaustive
 def test_a_board_that_comes_back_at_another_port_is_still_tripped(tmp_path):
     sim = numbered_sim(tmp_path, 77)
     with ServedSimulator(str(sim)) as first:

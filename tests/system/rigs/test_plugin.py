@@ -5,7 +5,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-from marks import exhaustive
 
 pytest_plugins = ["pytester"]
 
@@ -47,11 +46,12 @@ def test_own_rig_file_is_simulated_whatever_devices_it_names(pytester):
     pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=1)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("said", "told"),
     [
         ('rigg="in-process"', "*unknown part 'rigg'. Did you mean 'rig'?*"),
-        exhaustive('"in-process"', "*'in-process' has no name. Write rig=, sim= or seed= before it*"),
+        ('"in-process"', "*'in-process' has no name. Write rig=, sim= or seed= before it*"),
     ],
 )
 def test_wrong_marker_gives_no_rig(pytester, said, told):

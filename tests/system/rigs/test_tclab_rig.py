@@ -65,6 +65,7 @@ def test_wire_on_a_tclab_is_excited_identified_and_tracked(tmp_path):
     assert figures.rms_percent <= 3.0
 
 
+@pytest.mark.exhaustive
 def test_tclab_runs_without_displacement_sensor_and_with_unknown_error(tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(_toml(load_rig("tclab"), SIM))

@@ -164,6 +164,7 @@ def test_stop_switches_off_before_it_calls_back(rig, wire):
     assert running == [False]
 
 
+@pytest.mark.exhaustive
 def test_failed_stage_permits_no_flight(identified):
     with smadrive.open_rig("in-process") as rig:
         wire = SmaWire(rig, identified.wire_file)

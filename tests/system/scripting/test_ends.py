@@ -176,7 +176,7 @@ def test_interruption_while_a_controller_is_restored_prevents_the_run(identified
     assert not (tmp_path / "run.h5").exists()
 
 
-@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM], ids=lambda end: end.name)
+@pytest.mark.parametrize("end", [signal.SIGKILL, exhaustive(signal.SIGTERM)], ids=lambda end: end.name)
 def test_killed_script_ends_the_run_confirmed(rig_file, identified, tmp_path, end):
     with heating(rig_file, identified.wire_file, tmp_path) as (script, loop):
         script.send_signal(end)
@@ -186,6 +186,7 @@ def test_killed_script_ends_the_run_confirmed(rig_file, identified, tmp_path, en
     assert_off(rig_file)
 
 
+@pytest.mark.exhaustive
 def test_killed_script_ends_the_run_although_its_child_keeps_the_link_open(identified, tmp_path):
     fork = "if os.fork() == 0: time.sleep(1e6)"
     text = SCRIPT.format(fate="pass").replace("try:\n", f"{fork}\ntry:\n", 1)
@@ -234,6 +235,7 @@ def test_lost_device_is_a_trip_that_says_that_off_is_unconfirmed(identified, tmp
     assert "TripError: fault" in read_log(tmp_path / "run.h5").ended_by
 
 
+@pytest.mark.exhaustive
 def test_terminated_loop_ends_its_run_confirmed(rig_file, identified, tmp_path):
     with heating(rig_file, identified.wire_file, tmp_path) as (script, loop):
         os.kill(loop, signal.SIGTERM)

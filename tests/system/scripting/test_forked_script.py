@@ -6,7 +6,6 @@ from pathlib import Path
 
 import programs
 import pytest
-from marks import exhaustive
 
 RIG = Path(__file__).parents[3] / "configs" / "rigs" / "in-process.toml"
 
@@ -71,7 +70,8 @@ def printed_by(script, *arguments, cwd):
     return done.stdout.splitlines()
 
 
-@pytest.mark.parametrize(("how", "code"), [exhaustive("exits", 0), exhaustive("leaves", 0), ("fails", 1)])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(("how", "code"), [("exits", 0), ("leaves", 0), ("fails", 1)])
 def test_forked_child_cannot_use_the_rig_and_leaves_it_open(tmp_path, how, code):
     said = printed_by(FORKS, how, cwd=tmp_path)
     assert said == ["True"] * 5 + [f"child ended with {code}", "armed: False", "closed: True"]

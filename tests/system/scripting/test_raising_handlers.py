@@ -112,6 +112,7 @@ def test_run_has_ended_when_the_error_of_its_display_is_raised(rig, tmp_path):
     assert not rig.measure().armed
 
 
+@pytest.mark.exhaustive
 def test_handler_that_raises_nothing_does_not_end_the_run(rig, tmp_path):
     called, log_file = [], tmp_path / "heat.h5"
     with handled({signal.SIGUSR1: lambda *given: called.append(given)}), signalled(log_file, signal.SIGUSR1):

@@ -9,7 +9,6 @@ from itertools import count, pairwise
 
 import numpy as np
 import pytest
-from marks import exhaustive
 from signal_injection import InterruptedLine
 
 import smadrive
@@ -308,7 +307,8 @@ def test_servo_by_resistance_needs_the_resistance_of_the_wire(blind, wire, tmp_p
     assert refused.value.where == "displacement_from"
 
 
-@pytest.mark.parametrize("lines", [exhaustive(1), 97])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("lines", [1, 97])
 def test_servo_whose_creation_is_interrupted_at_any_line_can_be_stopped(wire, tmp_path, lines):
     """An interruption at every line, or at every 97th one."""
 

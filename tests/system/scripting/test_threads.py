@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from marks import exhaustive
 from signal_injection import InterruptedLine
 from waiting import has_ended, has_rows, wait_for
 
@@ -45,7 +44,8 @@ def assert_confirmed(log):
     assert not any("NOT" in event.message for event in log.events), log.events
 
 
-@pytest.mark.parametrize("act", ["off", exhaustive("close")])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("act", ["off", "close"])
 def test_another_thread_ends_a_run_and_those_that_wait_behind_it(tmp_path, act):
     with smadrive.open_rig("in-process") as rig, ThreadPoolExecutor() as pool:
         runs = [pool.submit(rig.heat, DAY_S, current_a=0.2, log=tmp_path / f"{name}.h5") for name in "abc"]
@@ -269,13 +269,14 @@ while not pathlib.Path("heat.h5").exists():
 THREAD, POOL = "threading.Thread(target=run).start()", "ThreadPoolExecutor().submit(run)"
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("start", "end"),
     [
         (THREAD, "sys.exit()"),
-        exhaustive(THREAD, "pass"),
-        exhaustive(THREAD, "raise KeyboardInterrupt"),
-        exhaustive(POOL, "raise KeyboardInterrupt"),
+        (THREAD, "pass"),
+        (THREAD, "raise KeyboardInterrupt"),
+        (POOL, "raise KeyboardInterrupt"),
     ],
 )
 def test_run_of_a_thread_ends_with_the_main_thread(tmp_path, start, end):

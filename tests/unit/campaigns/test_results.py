@@ -3,7 +3,6 @@
 import shutil
 
 import numpy as np
-import pandas as pd
 import pytest
 from exact_wire import exact_wire
 
@@ -77,6 +76,8 @@ def test_worst_runs_begin_with_trips(plan):
 
 
 def test_the_table_opens_in_one_line_with_units_and_provenance(plan, tmp_path):
+    import pandas as pd  # here, because every test process imports this file
+
     table = table_with(plan, lambda levels, _random: levels["rig.rate_hz"])
     digest = write_table(table, tmp_path / "results.parquet")
     read = pd.read_parquet(tmp_path / "results.parquet")

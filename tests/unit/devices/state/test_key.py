@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from waiting import wait_for
 
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state import key as keys
 from smadrive.devices.state.key import APPLIES, DeviceKey, Match, key_at, port_names, serial_number
 from smadrive.errors import ConfigError
 from smadrive.modbus.transports import host_names
-from tests.waiting import wait_for
 
 PORTS = {Match.SAME: {"usb-1"}, Match.DIFFERENT: {"usb-2"}, Match.UNKNOWN: set()}
 SERIALS = {Match.SAME: "77", Match.DIFFERENT: "78", Match.UNKNOWN: None}
