@@ -1,7 +1,7 @@
 """The controller that makes a wire follow a displacement reference.
 
-    measurement → observer → advance by one period → inverse feedforward with preview → temperature feedback
-                → power → current
+    measurement → observer → advance by one period → inverse feedforward with preview → setpoint filter
+                → temperature feedback → power → current
 
 A command acts one period after its measurement. So the observer advances its estimate by one period, with the power
 that is in force during this period. The controller computes the command from the advanced estimate.
@@ -26,6 +26,7 @@ from smadrive.control.estimation.wire_estimate import Prediction, WireEstimate
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.feedforward.power import DisplacementFeedforward, Feedforward
 from smadrive.control.feedforward.reversal_preview import Reversal, ReversalPreview
+from smadrive.control.feedforward.setpoint_filter import SetpointFilter
 from smadrive.control.references.reference import Reference
 from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.wire.wire_model import WireModel
@@ -43,6 +44,7 @@ class TrackingState(NamedTuple):
     direction   +1 while the phase rises, -1 while the phase falls
     reversal    reversal that the wire is making, or None while the wire follows the reference
     source      state of the selection of the displacement's source
+    target      temperature and power of the last feedforward; None before the first
     """
 
     prediction: Prediction
@@ -51,6 +53,7 @@ class TrackingState(NamedTuple):
     direction: int
     reversal: Reversal | None
     source: SourceState
+    target: Feedforward | None = None
 
 
 class _Period(NamedTuple):
@@ -95,6 +98,7 @@ class TrackingController:
         self._sources = SourceSelection(source, resistance, noise_mm, stroke_mm, period_s, fresh_s)
         self._feedforward = DisplacementFeedforward(inverse, wire)
         self._preview = ReversalPreview(wire, period_s) if inverse.hysteretic else None
+        self._filter = SetpointFilter(wire)
         self._feedback = TrackingFeedback(wire, settings)
         self._trim = DisplacementTrim(settings.closed_loop_s, stroke_mm, hysteretic=inverse.hysteretic)
         self._state: TrackingState | None = None
@@ -138,8 +142,10 @@ class TrackingController:
         ahead = self._observer.predict(estimate, before.power_w, coming_s)
         period = self._coming_period(ahead, source, time_s + coming_s, coming_s)
         direction, reversal = self._course(before, period)
-        target = self._target(period, before.trim_mm, direction, reversal)
         is_measured = isfinite(selected.used.mm)
+        target = self._target(period, before, direction, reversal)
+        if is_measured:
+            target = self._filtered(target, before.target, ahead, direction, dt_s)
         is_held_back = bool(measurement.limits)
         requested_w = self._feedback.update(
             target, ahead, period.limit_w, coming_s, is_measured=is_measured, is_held_back=is_held_back
@@ -154,7 +160,7 @@ class TrackingController:
         elif reversal is None:
             trim_mm = self._trim.forgotten(before.trim_mm, coming_s)
         prediction = Prediction(estimate, ahead, coming_s)
-        self._state = TrackingState(prediction, power_w, trim_mm, direction, reversal, source)
+        self._state = TrackingState(prediction, power_w, trim_mm, direction, reversal, source, target)
         return Command(
             sqrt(power_w / period.ohm),
             target.temperature_c,
@@ -215,9 +221,19 @@ class TrackingController:
         reversal = self._preview.update(period.ahead, self._reference, period.time_s, direction, limits_w)
         return (direction, None) if reversal is None else (reversal.direction, reversal)
 
-    def _target(self, period: _Period, trim_mm: float, direction: int, reversal: Reversal | None) -> Feedforward:
+    def _target(self, period: _Period, before: TrackingState, direction: int, reversal: Reversal | None) -> Feedforward:
         """Return temperature and power of the feedforward: for the setpoint, or for the meeting point of a reversal."""
         if reversal is not None:
             return self._feedforward.hold(period.ahead, reversal.meets_c, reversal.meets_mm)
-        setpoint_mm = period.setpoint_mm + trim_mm
-        return self._feedforward.update(period.ahead, setpoint_mm, period.rate_mm_per_s, direction)
+        setpoint_mm, rate_mm_per_s = period.setpoint_mm + before.trim_mm, period.rate_mm_per_s
+        turns_back = before.target is not None and before.target.turns_back
+        return self._feedforward.update(period.ahead, setpoint_mm, rate_mm_per_s, direction, turns_back=turns_back)
+
+    def _filtered(
+        self, target: Feedforward, last: Feedforward | None, ahead: WireEstimate, direction: int, dt_s: float
+    ) -> Feedforward:
+        """Return `target` with a filtered temperature. `last` is the target of the last command, `dt_s` before."""
+        if last is None:
+            return target
+        setpoint_c = self._filter.update(last.temperature_c, target.temperature_c, ahead, direction, dt_s)
+        return target._replace(temperature_c=setpoint_c)

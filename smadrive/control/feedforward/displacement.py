@@ -10,8 +10,9 @@ if the wait takes longer than the cooling, without power, from T₊ to T₋:
 T₋ is the temperature at which the cooling wire begins to move. T₊ is the temperature at which the heated wire begins to
 move, or that of the wire itself if the reference rises. τ is the time constant; the heating takes far less time. While
 the wire cools, both sides decrease by 1 s in each second, so the wire does not change its mind. It always waits for a
-reference that it leads by less than the tolerance. With a displacement sensor, the trim (controllers/trim.py) is part
-of the reference: it takes a wire back that leads a reference at rest.
+reference that it leads by less than the tolerance. The tolerance is larger for a wire that waits than for one that
+reverses, so the noise of the estimate does not change its mind. With a displacement sensor, the trim
+(controllers/trim.py) is part of the reference: it takes a wire back that leads a reference at rest.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ from smadrive.wire.wire_model import travel_mm
 
 REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire reverses."""
+
+DECIDED = 0.003
+"""The tolerance is larger by this fraction of the stroke for a wire that waits, smaller for one that turns back."""
 
 WAITING_RANGE_C = 0.5
 """A waiting wire is at most this far behind the branch that it needs next, K: below it on heating, above on cooling."""
@@ -74,13 +78,15 @@ class TemperatureTarget(NamedTuple):
     """The temperature that a displacement setpoint needs, °C, and the displacement that the wire then has, mm.
 
     `k_per_mm` is the derivative of this temperature with respect to the setpoint, in K/mm. It is 0 if the temperature
-    does not follow the setpoint. `reachable` is False if the wire cannot get nearer to the setpoint.
+    does not follow the setpoint. `reachable` is False if the wire cannot get nearer to the setpoint. `turns_back` is
+    True if the wire turns back to a reference that it leads.
     """
 
     temperature_c: float
     k_per_mm: float
     displacement_mm: float
     reachable: bool = True
+    turns_back: bool = False
 
 
 class DisplacementInverse(Protocol):
@@ -98,11 +104,14 @@ class DisplacementInverse(Protocol):
         direction: int,
         rate_mm_per_s: float = 0.0,
         cooling_s: CoolingTime = at_once,
+        *,
+        turns_back: bool = False,
     ) -> TemperatureTarget:
         """Return the temperature that takes the wire from `state` to `setpoint_mm`.
 
         `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the cold end.
         `rate_mm_per_s` is the rate of the setpoint, `cooling_s` the cooling time between two inputs of the model.
+        `turns_back` is that of the last target.
         """
         ...
 
@@ -120,6 +129,7 @@ class HysteresisInverse:
         self._inverse = InverseFeedforward(model)
         self._cold_mm, hot_mm = travel_mm(model)
         self._travel_mm = hot_mm - self._cold_mm
+        self._cold_end_mm = self._cold_mm + COLD_END * self._travel_mm
         self._branches = BranchTemperatures(model)
 
     def target(
@@ -129,12 +139,15 @@ class HysteresisInverse:
         direction: int,
         rate_mm_per_s: float = 0.0,
         cooling_s: CoolingTime = at_once,
+        *,
+        turns_back: bool = False,
     ) -> TemperatureTarget:
         """Return the temperature that takes the wire from `state` to `setpoint_mm`, or at which the wire waits.
 
         `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the cold end.
         `rate_mm_per_s` is the rate of the setpoint, `cooling_s` the cooling time between two temperatures. The wire
-        waits for at most the time of a reversal. An unreachable setpoint gives the end of the model's temperature
+        waits for at most the time of a reversal; `turns_back` is that of the last target. An unreachable setpoint gives
+        the end of the model's temperature
         range, and the derivative 0; for a cold wire see `COLDER_C`. The target is at most `BEYOND_C` above the heating
         branch at the setpoint.
         """
@@ -143,26 +156,28 @@ class HysteresisInverse:
             return TemperatureTarget(self._model.input_range[0] - COLDER_C, 0.0, self._cold_mm, reachable=False)
         lead = direction * (state.y - setpoint_mm) / self._travel_mm
         toward = direction * rate_mm_per_s / self._travel_mm
-        if lead >= 0.0 and (lead <= REVERSAL_TOLERANCE or self._waits(state, lead, toward, direction, cooling_s)):
+        beyond = lead - REVERSAL_TOLERANCE + (DECIDED if turns_back else -DECIDED)
+        if lead >= 0.0 and (beyond <= 0.0 or self._is_soon(state, beyond, toward, direction, cooling_s)):
             found = self._wait(state, lead, direction, setpoint_mm)
         else:
-            found = self._reach(state, setpoint_mm)
+            found = self._reach(state, setpoint_mm)._replace(turns_back=lead > 0.0)
         hottest_c = self._branches.heating_c(setpoint_mm) + BEYOND_C
         return found if found.temperature_c <= hottest_c else found._replace(temperature_c=hottest_c, k_per_mm=0.0)
 
-    def _waits(
-        self, state: HysteresisState, lead: float, toward: float, direction: int, cooling_s: CoolingTime
+    def _is_soon(
+        self, state: HysteresisState, beyond: float, toward: float, direction: int, cooling_s: CoolingTime
     ) -> bool:
         """Return True if the reference makes up the lead sooner than a reversal, as at the head of this file.
 
-        `toward` is the rate at which the reference approaches the wire, in strokes per s.
+        `beyond` is the lead without the tolerance, in strokes, and `toward` the rate at which the reference approaches
+        the wire, in strokes per s.
         """
         if toward <= 0.0:
             return False
         moved_mm = READY * self._travel_mm
         warm_c = state.v if direction > 0 else self._inverse.update(state, state.y + moved_mm).v
-        cold_c = self._inverse.update(state, state.y - moved_mm).v
-        return (lead - REVERSAL_TOLERANCE) / toward <= cooling_s(warm_c, cold_c)
+        cold_c = max(self._inverse.update(state, state.y - moved_mm).v, self._branches.cooling_c(self._cold_end_mm))
+        return beyond / toward <= cooling_s(warm_c, cold_c)
 
     def _reach(self, state: HysteresisState, setpoint_mm: float) -> TemperatureTarget:
         """Return the temperature at which the wire reaches the setpoint."""
@@ -197,7 +212,7 @@ class HysteresisInverse:
 
     def _waiting_c(self, state: HysteresisState, direction: int, *, is_cold: bool) -> float:
         """Return the temperature at which a wire waits at an end of its travel. A cold wire that falls gets no heat."""
-        end_mm = self._cold_mm + self._travel_mm * (COLD_END if is_cold else 1.0 - COLD_END)
+        end_mm = self._cold_end_mm if is_cold else self._cold_mm + self._travel_mm * (1.0 - COLD_END)
         if direction > 0:
             return self._branches.heating_c(end_mm) - WAITING_RANGE_C
         waiting_c = self._branches.cooling_c(end_mm) + WAITING_RANGE_C

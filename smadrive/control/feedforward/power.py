@@ -20,13 +20,15 @@ DISTURBED = 0.5
 class Feedforward(NamedTuple):
     """The setpoint of the wire temperature, the power for it, and the displacement that the wire then has.
 
-    `reachable` is False if the wire cannot get nearer to the displacement setpoint.
+    `reachable` is False if the wire cannot get nearer to the displacement setpoint. `turns_back` is True if the wire
+    turns back to a reference that it leads.
     """
 
     temperature_c: float
     power_w: float
     displacement_mm: float
     reachable: bool
+    turns_back: bool = False
 
 
 class DisplacementFeedforward:
@@ -37,23 +39,33 @@ class DisplacementFeedforward:
         self._travel_mm = wire.travel_mm
         self._balance = wire.balance
 
-    def update(self, estimate: WireEstimate, setpoint_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
+    def update(
+        self,
+        estimate: WireEstimate,
+        setpoint_mm: float,
+        rate_mm_per_s: float,
+        direction: int,
+        *,
+        turns_back: bool = False,
+    ) -> Feedforward:
         """Return temperature setpoint and power for the displacement `setpoint_mm`, which moves at `rate_mm_per_s`.
 
         `estimate` is the estimated state of the wire. Its `shift_c` is added to the temperature of the inverse, and its
         `disturbance_w` is subtracted from the power. `direction` is the direction of the reference: +1 towards the hot
-        end of the travel, -1 towards the cold end.
+        end of the travel, -1 towards the cold end. `turns_back` is that of the last feedforward.
         """
 
         def cooling_s(from_c: float, to_c: float) -> float:
             return self._balance.cooling_s(from_c + estimate.shift_c, to_c + estimate.shift_c)
 
         crossing_s = at_once if estimate.evidence.level > DISTURBED else cooling_s
-        target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s, crossing_s)
+        state = estimate.hysteresis
+        target = self._inverse.target(state, setpoint_mm, direction, rate_mm_per_s, crossing_s, turns_back=turns_back)
         rate_c_per_s = target.k_per_mm * rate_mm_per_s
         temperature_c = target.temperature_c + estimate.shift_c
         power_w = self._balance.power_w(temperature_c, rate_c_per_s, rate_mm_per_s / self._travel_mm)
-        return Feedforward(temperature_c, power_w - estimate.disturbance_w, target.displacement_mm, target.reachable)
+        power_w -= estimate.disturbance_w
+        return Feedforward(temperature_c, power_w, target.displacement_mm, target.reachable, target.turns_back)
 
     def hold(self, estimate: WireEstimate, temperature_c: float, displacement_mm: float) -> Feedforward:
         """Return the given setpoints of temperature and displacement, and the power that holds the wire there."""

@@ -51,6 +51,8 @@ class StaticMap:
         direction: int,  # noqa: ARG002
         rate_mm_per_s: float = 0.0,  # noqa: ARG002
         cooling_s: CoolingTime = at_once,  # noqa: ARG002
+        *,
+        turns_back: bool = False,  # noqa: ARG002
     ) -> TemperatureTarget:
         """Return the temperature of the map at `setpoint_mm`; the history of the wire has no effect.
 

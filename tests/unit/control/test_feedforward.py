@@ -12,6 +12,7 @@ from smadrive.control.feedforward.displacement import (
     COLDER_C,
     MOST_K,
     READY,
+    REVERSAL_TOLERANCE,
     WAITING_RANGE_C,
     HysteresisInverse,
 )
@@ -217,3 +218,32 @@ def test_stuck_displacement_requests_no_temperature_far_above_the_branch():
     assert inverse.target(stuck, 9.0, direction=1).temperature_c == pytest.approx(
         needed.temperature_c + BEYOND_C, abs=0.1
     )
+
+
+def test_cold_wire_does_not_wait_until_it_cannot_get_colder():
+    cold, ambient_c = LOOP.initial_state(53.0), 54.0
+
+    def cooling_s(from_c, to_c):
+        return np.log((from_c - ambient_c) / (to_c - ambient_c)) if to_c > ambient_c else np.inf
+
+    target = HysteresisInverse(LOOP).target(cold, 8.0, direction=-1, rate_mm_per_s=-0.02, cooling_s=cooling_s)
+    assert target.temperature_c > 85.0
+
+
+@pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
+def test_noise_does_not_change_the_decision_to_wait_or_to_turn_back(model):
+    state, inverse, sense = model.initial_state(90.0), HysteresisInverse(model), float(np.sign(model.scale))
+    for noise in (-0.002, 0.002):
+        setpoint_mm = state.y - sense * 12.0 * (REVERSAL_TOLERANCE + noise)
+        waiting, turning = (
+            inverse.target(state, setpoint_mm, 1, turns_back=turns_back) for turns_back in (False, True)
+        )
+        assert (waiting.turns_back, turning.turns_back) == (False, True)
+        assert turning.temperature_c < 85.0 < waiting.temperature_c
+
+
+@pytest.mark.parametrize(("lead", "turns_back"), [(0.006, False), (0.014, True)])
+def test_lead_beyond_the_noise_decides(lead, turns_back):
+    state, inverse = LOOP.initial_state(90.0), HysteresisInverse(LOOP)
+    for before in (False, True):
+        assert inverse.target(state, state.y - 12.0 * lead, 1, turns_back=before).turns_back == turns_back

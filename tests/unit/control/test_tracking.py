@@ -205,3 +205,29 @@ def test_controller_assumes_the_larger_noise_of_record_and_settings(recorded_c, 
     rows = bench.run(controller(reference, loop(), balance, settings), 66.0)
     error_mm = (rows[:, 1] - rows[:, 2])[rows[:, 0] > 10.0]
     assert np.sqrt(np.mean(error_mm**2)) < 0.01 * 12.0
+
+
+def reversals(current_a, least_a):
+    """Return the times at which the current has reversed by more than `least_a`."""
+    direction, extreme_a, found = 0, current_a[0], []
+    for number, now_a in enumerate(current_a):
+        turn = int(np.sign(now_a - extreme_a)) if abs(now_a - extreme_a) > least_a else 0
+        if turn and turn != direction:
+            found += [number * DT_S] if direction else []
+            direction, extreme_a = turn, now_a
+        elif direction * (now_a - extreme_a) > 0.0:
+            extreme_a = now_a
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("high_mm", "period_s", "width", "seed"), [(8.0, 70.0, 5.0, 0), (9.6, 50.0, 8.0, 0), (11.0, 70.0, 8.0, 0)]
+)
+def test_current_does_not_chatter_while_the_wire_crosses_its_hysteresis(high_mm, period_s, width, seed):
+    reference = sine(low_mm=2.4, high_mm=high_mm, period_s=period_s, cycles=1).with_approach(0.0, 8.0)
+    bench = Bench(WireModel(loop(width=width), BALANCE), sensor=True)
+    bench.noise = np.random.default_rng(seed)
+    rows = bench.run(controller(reference, loop(width=width)), reference.duration_s)
+    power_w = rows[rows[:, 0] >= reference.scored_from_s, 3]
+    found = reversals(np.sqrt(power_w / BALANCE.resistance_ohm(0.5)), 0.2 * SETTINGS.current_limit_a)
+    assert all(np.count_nonzero((found >= begun) & (found < begun + 1.0)) == 1 for begun in found)
