@@ -27,7 +27,7 @@ from smadrive.wire.wire_model import travel_mm
 REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire reverses."""
 
-DECIDED = 0.003
+DECIDED = 0.002
 """The tolerance is larger by this fraction of the stroke for a wire that waits, smaller for one that turns back."""
 
 WAITING_RANGE_C = 0.5
