@@ -44,7 +44,7 @@ class TrackingState(NamedTuple):
     direction   +1 while the phase rises, -1 while the phase falls
     reversal    reversal that the wire is making, or None while the wire follows the reference
     source      state of the selection of the displacement's source
-    target      temperature and power of the last feedforward; None before the first
+    target      setpoint of the last command; None before the first
     """
 
     prediction: Prediction
@@ -98,7 +98,7 @@ class TrackingController:
         self._sources = SourceSelection(source, resistance, noise_mm, stroke_mm, period_s, fresh_s)
         self._feedforward = DisplacementFeedforward(inverse, wire)
         self._preview = ReversalPreview(wire, period_s) if inverse.hysteretic else None
-        self._filter = SetpointFilter(wire)
+        self._filter = SetpointFilter(wire) if inverse.hysteretic else None
         self._feedback = TrackingFeedback(wire, settings)
         self._trim = DisplacementTrim(settings.closed_loop_s, stroke_mm, hysteretic=inverse.hysteretic)
         self._state: TrackingState | None = None
@@ -233,7 +233,7 @@ class TrackingController:
         self, target: Feedforward, last: Feedforward | None, ahead: WireEstimate, direction: int, dt_s: float
     ) -> Feedforward:
         """Return `target` with a filtered temperature. `last` is the target of the last command, `dt_s` before."""
-        if last is None:
+        if self._filter is None or last is None:
             return target
         setpoint_c = self._filter.update(last.temperature_c, target.temperature_c, ahead, direction, dt_s)
         return target._replace(temperature_c=setpoint_c)

@@ -9,15 +9,19 @@ if the wait takes longer than the cooling, without power, from T₊ to T₋:
 
 T₋ is the temperature at which the cooling wire begins to move. T₊ is the temperature at which the heated wire begins to
 move, or that of the wire itself if the reference rises. τ is the time constant; the heating takes far less time. While
-the wire cools, both sides decrease by 1 s in each second, so the wire does not change its mind. It always waits for a
-reference that it leads by less than the tolerance. The tolerance is larger for a wire that waits than for one that
-reverses, so the noise of the estimate does not change its mind. With a displacement sensor, the trim
-(controllers/trim.py) is part of the reference: it takes a wire back that leads a reference at rest.
+the wire cools, both sides decrease by 1 s in each second, so the wire does not change its mind. The tolerance is
+smaller for a wire that turns back already, because noise should not end what it has begun. A wire waits for every
+reference that it leads by less than its tolerance. With a displacement sensor, the trim (controllers/trim.py) is part
+of the reference: it takes a wire back that leads a reference at rest.
+
+A wire at the cold end may have any lower temperature, so there T₋ is that of the end of its travel. It can always turn
+back to a falling reference: the heat does that, even if the surroundings are too warm for the way down.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import isfinite
 from typing import NamedTuple, Protocol
 
 from smadrive.hysteresis import HysteresisModel, HysteresisState, InverseFeedforward
@@ -28,7 +32,7 @@ REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire reverses."""
 
 DECIDED = 0.002
-"""The tolerance is larger by this fraction of the stroke for a wire that waits, smaller for one that turns back."""
+"""The tolerance is smaller by this fraction of the stroke for a wire that turns back, larger for any other wire."""
 
 WAITING_RANGE_C = 0.5
 """A waiting wire is at most this far behind the branch that it needs next, K: below it on heating, above on cooling."""
@@ -147,9 +151,8 @@ class HysteresisInverse:
         `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the cold end.
         `rate_mm_per_s` is the rate of the setpoint, `cooling_s` the cooling time between two temperatures. The wire
         waits for at most the time of a reversal; `turns_back` is that of the last target. An unreachable setpoint gives
-        the end of the model's temperature
-        range, and the derivative 0; for a cold wire see `COLDER_C`. The target is at most `BEYOND_C` above the heating
-        branch at the setpoint.
+        the end of the model's temperature range, and the derivative 0; for a cold wire see `COLDER_C`. The target is at
+        most `BEYOND_C` above the heating branch at the setpoint.
         """
         soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
@@ -177,7 +180,8 @@ class HysteresisInverse:
         moved_mm = READY * self._travel_mm
         warm_c = state.v if direction > 0 else self._inverse.update(state, state.y + moved_mm).v
         cold_c = max(self._inverse.update(state, state.y - moved_mm).v, self._branches.cooling_c(self._cold_end_mm))
-        return beyond / toward <= cooling_s(warm_c, cold_c)
+        reversal_s = cooling_s(warm_c, cold_c)
+        return beyond / toward <= reversal_s and (direction > 0 or isfinite(reversal_s))
 
     def _reach(self, state: HysteresisState, setpoint_mm: float) -> TemperatureTarget:
         """Return the temperature at which the wire reaches the setpoint."""

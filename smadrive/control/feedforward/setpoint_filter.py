@@ -2,13 +2,14 @@
 
 The inverse hysteresis divides by the slope of the phase over the temperature. Between the branches this slope is small.
 So the noise of a displacement sensor becomes some kelvin of noise in the setpoint, and the current would jump to zero
-and back. But there an error of the temperature moves the wire by less than this noise. So the setpoint T* is filtered,
+and back. But there an error of one kelvin moves the wire by less than this noise. So the setpoint T* is filtered,
 
     T ← T + (1 - φ exp(-Δt / τ)) (T* - T),    φ = (1 - ε) / (1 + (slope / FLAT_PER_K)²)
 
-with τ = `FILTER_S`. The slope is that in the direction of the reference: on a branch it is large, and φ is 0. In a
-disturbance with evidence ε (innovation.py) the place of the branches is uncertain, and the setpoint is filtered less.
-A change of more than `NEW_C` is no noise, for example at the beginning of a reversal: it is not filtered.
+with τ = `FILTER_S`. The slope is that in the direction of the reference: within a branch it is large, and φ is nearly
+0. In a disturbance with evidence ε (innovation.py) the place of the branches is uncertain, and the setpoint is filtered
+less. A change of more than `NEW_C` is no noise, such as that at the beginning of a reversal in a wide loop: it is not
+filtered. The price is a delay where the wire comes to a branch, by some hundredths of a second.
 """
 
 from __future__ import annotations

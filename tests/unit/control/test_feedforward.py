@@ -220,8 +220,9 @@ def test_stuck_displacement_requests_no_temperature_far_above_the_branch():
     )
 
 
-def test_cold_wire_does_not_wait_until_it_cannot_get_colder():
-    cold, ambient_c = LOOP.initial_state(53.0), 54.0
+@pytest.mark.parametrize("ambient_c", [54.0, 58.0])
+def test_cold_wire_does_not_wait_until_it_cannot_get_colder(ambient_c):
+    cold = LOOP.initial_state(53.0)
 
     def cooling_s(from_c, to_c):
         return np.log((from_c - ambient_c) / (to_c - ambient_c)) if to_c > ambient_c else np.inf

@@ -9,6 +9,7 @@ import pytest
 from smadrive.control.controllers.tracking import TrackingController
 from smadrive.control.controllers.tracking_feedback import TrackingSettings
 from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.feedforward.static_map import StaticMap
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel
@@ -231,3 +232,29 @@ def test_current_does_not_chatter_while_the_wire_crosses_its_hysteresis(high_mm,
     power_w = rows[rows[:, 0] >= reference.scored_from_s, 3]
     found = reversals(np.sqrt(power_w / BALANCE.resistance_ohm(0.5)), 0.2 * SETTINGS.current_limit_a)
     assert all(np.count_nonzero((found >= begun) & (found < begun + 1.0)) == 1 for begun in found)
+
+
+@pytest.mark.parametrize("turns_back", [False, True])
+def test_decision_to_turn_back_holds_in_the_next_tick(turns_back):
+    """The wire leads a slow reference by 1 % of the stroke, which is between the two tolerances."""
+    at_rest, rising = ([0.0, 8.0, 60.0], [0.0, 6.0, 6.0]), ([0.0, 60.0], [5.72, 6.2])
+    bench, before = Bench(WireModel(loop(), BALANCE), sensor=True), controller(Reference.from_samples(*at_rest), loop())
+    bench.run(before, 20.0)
+    before._state = before.state._replace(target=before.state.target._replace(turns_back=turns_back))
+    decided = controller(Reference.from_samples(*rising), loop(), before=before)
+    bench.run(decided, 20.02)
+    assert decided.state.target.turns_back == turns_back
+
+
+def test_setpoint_of_a_map_is_not_filtered():
+    """A map does not divide by the slope of the wire."""
+    sweep_c = np.concatenate((np.linspace(20, 130, 500), np.linspace(130, 20, 500)))
+    plain = StaticMap(sweep_c, loop().simulate(sweep_c))
+    reference = Reference.from_samples([0.0, 9.0, 12.0, 12.01, 20.0], [0.0, 8.0, 8.0, 7.4, 7.4])
+    bench = Bench(WireModel(loop(), BALANCE), sensor=True)
+    tracking, setpoints_c, wanted_c = TrackingController(reference, bench.wire, plain, SETTINGS), [], []
+    for until_s, setpoint_mm in ((11.93, 8.0), (12.02, 7.4)):
+        bench.run(tracking, until_s)
+        setpoints_c.append(tracking.state.target.temperature_c)
+        wanted_c.append(plain.target(bench.state.hysteresis, setpoint_mm + tracking.state.trim_mm, 1).temperature_c)
+    assert np.diff(setpoints_c) == pytest.approx(np.diff(wanted_c), rel=0.1)
