@@ -32,7 +32,7 @@ REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire reverses."""
 
 DECIDED = 0.002
-"""The tolerance is smaller by this fraction of the stroke for a wire that turns back, larger for any other wire."""
+"""The tolerance is smaller by this fraction of the stroke for a wire that turns back."""
 
 WAITING_RANGE_C = 0.5
 """A waiting wire is at most this far behind the branch that it needs next, K: below it on heating, above on cooling."""
@@ -159,7 +159,7 @@ class HysteresisInverse:
             return TemperatureTarget(self._model.input_range[0] - COLDER_C, 0.0, self._cold_mm, reachable=False)
         lead = direction * (state.y - setpoint_mm) / self._travel_mm
         toward = direction * rate_mm_per_s / self._travel_mm
-        beyond = lead - REVERSAL_TOLERANCE + (DECIDED if turns_back else -DECIDED)
+        beyond = lead - REVERSAL_TOLERANCE + (DECIDED if turns_back else 0.0)
         if lead >= 0.0 and (beyond <= 0.0 or self._is_soon(state, beyond, toward, direction, cooling_s)):
             found = self._wait(state, lead, direction, setpoint_mm)
         else:

@@ -19,11 +19,11 @@ from math import exp
 from smadrive.control.estimation.wire_estimate import WireEstimate
 from smadrive.wire.wire_model import WireModel
 
-FILTER_S = 0.1
+FILTER_S = 0.13
 """Time constant of the filter between the branches, s."""
 
-FLAT_PER_K = 0.001
-"""Slope of the phase at which φ is one half, 1/K. One kelvin then moves the wire by the noise of a sensor.
+FLAT_PER_K = 0.0015
+"""Slope of the phase at which φ is one half, 1/K. One kelvin then moves the wire by 0.15 % of the stroke.
 
 In the middle of a branch the slope is about 0.05.
 """
