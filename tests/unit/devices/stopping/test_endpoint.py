@@ -2,6 +2,7 @@
 
 import os
 import socket
+import subprocess
 import uuid
 
 import pytest
@@ -98,9 +99,10 @@ def test_lines_have_different_addresses():
 
 def test_only_the_process_that_has_the_listening_socket_is_the_driver():
     address = address_of(f"serial:///{uuid.uuid4()}")
-    with socket.socket(socket.AF_UNIX) as listening:
+    with subprocess.Popen(["sleep", "60"]) as other, socket.socket(socket.AF_UNIX) as listening:
         listening.bind(address)
         listening.listen()
         assert listens(os.getpid(), address)
-        assert not listens(os.getppid(), address)
+        assert not listens(other.pid, address)
+        other.kill()
     assert not listens(os.getpid(), address)
