@@ -44,7 +44,7 @@ class TrackingState(NamedTuple):
     direction   +1 while the phase rises, -1 while the phase falls
     reversal    reversal that the wire is making, or None while the wire follows the reference
     source      state of the selection of the displacement's source
-    target      setpoint of the last command; None before the first
+    target      last feedforward, with its filtered temperature; None before the first
     """
 
     prediction: Prediction

@@ -14,8 +14,8 @@ smaller for a wire that turns back already, because noise should not end what it
 reference that it leads by less than its tolerance. With a displacement sensor, the trim (controllers/trim.py) is part
 of the reference: it takes a wire back that leads a reference at rest.
 
-A wire at the cold end may have any lower temperature, so there T₋ is that of the end of its travel. It can always turn
-back to a falling reference: the heat does that, even if the surroundings are too warm for the way down.
+A wire at the cold end may have any lower temperature, so there T₋ is that of the end of its travel. Heat alone takes it
+back to a falling reference. So it turns back even in surroundings that are too warm for it to cool to T₋.
 """
 
 from __future__ import annotations

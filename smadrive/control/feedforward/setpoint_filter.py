@@ -2,7 +2,7 @@
 
 The inverse hysteresis divides by the slope of the phase over the temperature. Between the branches this slope is small.
 So the noise of a displacement sensor becomes some kelvin of noise in the setpoint, and the current would jump to zero
-and back. But there an error of one kelvin moves the wire by less than this noise. So the setpoint T* is filtered,
+and back. But there an error of one kelvin moves the wire by about this noise or less. So the setpoint T* is filtered,
 
     T ← T + (1 - φ exp(-Δt / τ)) (T* - T),    φ = (1 - ε) / (1 + (slope / FLAT_PER_K)²)
 
