@@ -37,8 +37,8 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-WORKERS_A_CORE = 3
-"""Many tests wait in real time, so a core can serve several workers."""
+WORKERS_A_CORE = 2.5
+"""Many tests wait in real time, so a core serves several workers. More would cost more: each collects all tests."""
 
 BROWSER = "tests/browser/"
 PROCESSES = "tests/system/processes/"
@@ -47,18 +47,15 @@ SYSTEM = "tests/system/"
 OTHER = ""
 FOLDERS = (PROCESSES, BROWSER, SYSTEM, OTHER)
 """The folders of the tests. Those whose tests wait longest come first."""
-PREFERRED = (OTHER, SYSTEM, PROCESSES)
-"""The folder that a worker prefers: the first for one worker a core, the second for one more, the third for the others.
-
-So some tests compute while others wait, from the start of the run to its end.
-"""
+PREFERRED = (OTHER, OTHER, SYSTEM, SYSTEM, PROCESSES)
+"""The folder that each fifth of the workers prefers. So some tests compute while others wait, from start to end."""
 
 
 def pytest_xdist_auto_num_workers(config):
     """`WORKERS_A_CORE` workers a core; none when only files or single tests are named."""
     if all(".py" in argument for argument in config.args):
         return 0
-    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else WORKERS_A_CORE * cores()
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else round(WORKERS_A_CORE * cores())
 
 
 def cores():
@@ -82,7 +79,7 @@ class Scheduling(LoadFileScheduling):
         return unit_of(nodeid)
 
     def _assign_work_unit(self, node):
-        folder = PREFERRED[min(self.nodes.index(node) // cores(), len(PREFERRED) - 1)]
+        folder = PREFERRED[self.nodes.index(node) * len(PREFERRED) // len(self.nodes)]
         preferred = (unit for unit in self.workqueue if folder_of(unit) == folder)
         self.workqueue.move_to_end(next(preferred, next(iter(self.workqueue))), last=False)
         super()._assign_work_unit(node)

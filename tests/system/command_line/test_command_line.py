@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import programs
 import pytest
-from marks import exhaustive
 
 from smadrive.cli.views.fit_view import certificate_rows
 from smadrive.control.references.shapes import SHAPES
@@ -274,7 +273,8 @@ def test_run_warns_that_only_tune_adapts_the_rules(track, tmp_path):
     assert log.json("caveats") == ran["caveats"]
 
 
-@pytest.mark.parametrize("encoding", [exhaustive("ascii"), "ascii:strict"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("encoding", ["ascii", "ascii:strict"])
 def test_output_in_another_encoding_has_substitutes(tmp_path, encoding):
     environment = {**os.environ, "PYTHONIOENCODING": encoding}
     probed = smadrive("probe", "in-process", cwd=tmp_path, env=environment, is_from_scratch=True)
@@ -286,7 +286,8 @@ def test_output_in_another_encoding_has_substitutes(tmp_path, encoding):
     assert len(table) > 6
 
 
-@pytest.mark.parametrize("argument", ["nosüch", exhaustive(b"nos\xfcch")])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("argument", ["nosüch", b"nos\xfcch"])
 def test_error_in_ascii_has_substitutes(tmp_path, argument):
     command = [sys.executable, "-m", "smadrive", "probe", argument]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}

@@ -72,6 +72,7 @@ def test_command_is_found_in_the_line_that_is_typed(arguments, environment, comm
     assert typed_command(arguments, environment) == command
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("words", "place", "offered"),
     [("smadrive re", 1, {"replay", "report"}), ("smadrive run --re", 2, {"--reference", "--repeat", "--resume"})],

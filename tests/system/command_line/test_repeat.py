@@ -271,6 +271,7 @@ def has_rows(log_file):
     return False
 
 
+@pytest.mark.exhaustive
 def test_interruption_names_the_log_and_how_to_resume(tmp_path):
     swing = ("--reference", "sine:low_mm=2,high_mm=6,period_s=12,cycles=1", "--repeat", "1000", "--smooth")
     (tmp_path / "wire.json").write_text(WIRE.text())

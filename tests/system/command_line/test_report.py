@@ -197,6 +197,7 @@ def test_command_at_the_limit_counts_as_limited(logs):
     assert "limited by current_max for the first time" in text
 
 
+@pytest.mark.exhaustive
 def test_page_of_a_killed_run_shows_it_until_the_kill(logs):
     figures, text = report(logs, "killed.h5")
     assert figures["report_file"] == "killed.html"
@@ -216,6 +217,7 @@ def test_fault_is_shown_with_its_remedy(logs):
     assert "Excitation" in Page(text).titles
 
 
+@pytest.mark.exhaustive
 def test_unconfirmed_heater_is_stated_at_the_head(tmp_path):
     with pytest.raises(DeadlineError):
         trip(tmp_path / "silent.h5", lambda device: device.faults.drop(10_000))

@@ -51,6 +51,7 @@ def test_line_in_use_is_not_scanned():
     assert f"process {os.getpid()}" in done.stderr
 
 
+@pytest.mark.exhaustive
 def test_scan_prints_the_entry_of_a_rig_file():
     with served("sma-reference") as url:
         printed = scan(url, "--units", "1").stdout
@@ -58,6 +59,7 @@ def test_scan_prints_the_entry_of_a_rig_file():
     assert f'url = "{url}?baudrate=115200&parity=N&stopbits=1"' in printed
 
 
+@pytest.mark.exhaustive
 def test_scan_prints_the_settings_with_which_the_device_answered():
     with served("sma-reference") as url:
         printed = scan(f"{url}?parity=E&latency_ms=100", "--units", "1").stdout

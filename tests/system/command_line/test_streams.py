@@ -95,7 +95,8 @@ def test_broken_stderr_changes_no_exit_code(tmp_path, absent_rig, opened, argume
         assert smadrive(*arguments, cwd=absent_rig.parent, stderr=errors).returncode == code
 
 
-@pytest.mark.parametrize("command", ["off", exhaustive("probe")])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("command", ["off", "probe"])
 def test_command_works_without_a_standard_output(tmp_path, command):
     script = ["sh", "-c", '"$0" -m smadrive $1 in-process --json >&-', sys.executable, command]
     done = subprocess.run(script, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
@@ -121,6 +122,7 @@ def test_no_port_gets_the_descriptor_of_a_closed_stream(closed, nulls):
     assert (done.returncode, done.stdout) == (0, f"{nulls} True True\n")
 
 
+@pytest.mark.exhaustive
 def test_calibration_without_a_standard_input_is_not_confirmed(tmp_path):
     (tmp_path / "rig.toml").write_text((CONFIGS / "rigs" / "in-process.toml").read_text())
     script = ["sh", "-c", '"$0" -m smadrive calibrate rig.toml temperature --point 25 <&-', sys.executable]
@@ -130,7 +132,8 @@ def test_calibration_without_a_standard_input_is_not_confirmed(tmp_path):
     assert "Traceback" not in done.stderr
 
 
-@pytest.mark.parametrize("opened", [unread_pipe, exhaustive(full_disk)])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("opened", [unread_pipe, full_disk])
 def test_simulator_that_cannot_print_its_address_ends_with_one_line(tmp_path, opened):
     command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--pty", "port"]
     with opened() as output:

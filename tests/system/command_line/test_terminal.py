@@ -42,6 +42,7 @@ def test_run_shows_its_values_on_a_terminal(tmp_path):
         assert shown in seen
 
 
+@pytest.mark.exhaustive
 def test_json_leaves_the_terminal_empty(tmp_path):
     assert on_a_terminal("excite", brief_rig(tmp_path), "-o", "l.h5", "--json", cwd=tmp_path) == ""
 
@@ -170,6 +171,7 @@ def test_unknown_values_are_dashes(recorder):
     assert "limited by nothing" in lines
 
 
+@pytest.mark.exhaustive
 def test_length_of_a_run_is_announced_before_it_heats(tmp_path):
     command = [sys.executable, "-m", "smadrive", "excite", brief_rig(tmp_path), "-o", "l.h5"]
     with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:

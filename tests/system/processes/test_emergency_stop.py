@@ -174,7 +174,8 @@ def test_failed_off_names_the_driver_that_it_stopped(heated, profile):
         assert driver.wait() != 0
 
 
-@pytest.mark.parametrize("manner", [exhaustive("stopped"), "hangs"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("manner", ["stopped", "hangs"])
 def test_driver_that_does_not_answer_is_ended_and_the_heater_is_off(heated, manner):
     with heated.drive(manner) as driver:
         assert driver.stdout.readline() == "heating\n"

@@ -49,6 +49,7 @@ def driver(tmp_path):
                     os.kill(child, signal.SIGKILL)
 
 
+@pytest.mark.exhaustive
 def test_forked_child_shares_nothing_and_the_guardian_of_its_killed_driver_ends(driver):
     process, child, supply = driver
     shared = programs.open_files(process.pid) & programs.open_files(child)

@@ -185,7 +185,8 @@ def one_client(url):
             gateway.join()
 
 
-@pytest.mark.parametrize("way_in", ["--rtu-tcp", exhaustive("--tcp")])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("way_in", ["--rtu-tcp", "--tcp"])
 def test_stopped_driver_with_the_only_connection_is_killed_and_its_heater_switched_off(tmp_path, way_in):
     with driven(tmp_path, "stopped", way_in, "0", through=one_client) as (driver, supply):
         driver.send_signal(signal.SIGSTOP)
@@ -220,7 +221,8 @@ def test_driver_that_wakes_gives_up_the_only_connection_and_is_not_killed(tmp_pa
         assert "ending it" not in said
 
 
-@pytest.mark.parametrize("fate", [exhaustive("interrupted"), exhaustive("terminated"), "crash"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("fate", ["interrupted", "terminated", "crash"])
 def test_driver_that_can_switch_off_needs_no_guardian(tmp_path, fate):
     with driven(tmp_path, fate) as (driver, supply):
         if fate != "crash":
@@ -391,6 +393,7 @@ def test_stopped_guardian_is_killed_when_the_driver_wants_its_ports_back():
             assert error.value.where == "guardian"
 
 
+@pytest.mark.exhaustive
 def test_guardian_confirms_only_on_the_device_that_heated():
     with served("riden-rd60xx") as (_, url):
         task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)

@@ -111,6 +111,7 @@ def output_of(url):
         return supply.read((name,))[name].raw
 
 
+@pytest.mark.exhaustive
 def test_run_continues_on_a_new_connection_within_stale_after_s(supply_rig):
     gateway, rig, url = supply_rig
     controller = Steady(gateway.strand, at_tick=8)
@@ -122,6 +123,7 @@ def test_run_continues_on_a_new_connection_within_stale_after_s(supply_rig):
     assert output_of(url) == 0
 
 
+@pytest.mark.exhaustive
 def test_switching_off_opens_a_new_connection(supply_rig, monkeypatch):
     monkeypatch.setattr(client, "FREES_WITHIN_S", 60.0)  # on a busy machine the guardian takes over, and ends slowly
     gateway, rig, url = supply_rig

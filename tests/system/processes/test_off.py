@@ -72,7 +72,7 @@ def test_heater_is_off_before_a_missing_sensor_is_reported(hot):
         exhaustive("rate_hz = ", "rate_hz = -"),
         exhaustive("high_c = ", "high_c = 9"),
         exhaustive("rate_hz = ", "rate_hz = 2,"),
-        ("[limits]", "[limits"),
+        exhaustive("[limits]", "[limits"),
     ],
 )
 def test_off_ignores_other_errors_of_the_rig_file(hot, right, wrong):

@@ -24,6 +24,7 @@ def heat(rig):
     rig.excite(rig.excitation(22.0), lambda _: None)
 
 
+@pytest.mark.exhaustive
 def test_a_new_start_does_not_clear_a_trip():
     with ServedSimulator("flexinol-lt-0.15mm") as simulator:
         config = load_rig("simulated").at(simulator.url)

@@ -175,6 +175,7 @@ def test_program_that_confirms_the_same_supply_off_relieves_the_guardian(stage, 
     assert again.poll() is None
 
 
+@pytest.mark.exhaustive
 def test_a_guardian_of_a_pseudo_terminal_that_is_gone_ends(stage):
     supply, url = stage.serve("riden-rd60xx", 77)
     driver = stage.heat(url)
@@ -186,6 +187,7 @@ def test_a_guardian_of_a_pseudo_terminal_that_is_gone_ends(stage):
     assert waiting_duties() == []
 
 
+@pytest.mark.exhaustive
 def test_second_driver_on_a_network_is_rejected_and_off_stops_the_first(stage):
     supply, url = stage.serve("riden-rd60xx", 77, "--tcp", "0")
     driver = stage.heat(url)

@@ -96,6 +96,7 @@ def test_flight_yields_an_event_for_each_tick(engine, documents, rig, wire):
     np.testing.assert_allclose(np.diff(times_s), 0.05, atol=0.005)
 
 
+@pytest.mark.exhaustive
 def test_flight_may_be_collected_in_parts(rig, wire):
     wire.stage()
     wire.prepare(Reference.from_samples(*TRIANGLE))
@@ -140,6 +141,7 @@ def severity_of(wire):
     return wire.read()["wire_current_a"]["alarm_severity"]
 
 
+@pytest.mark.exhaustive
 def test_trip_is_a_failed_status(engine, documents, identified):
     config = load_rig("in-process")
     limits = config.limits.model_copy(update={"tracking_max_mm": 0.5, "tracking_for_s": 0.2})

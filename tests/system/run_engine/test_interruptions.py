@@ -42,6 +42,7 @@ def paused_scan(wire):
     return plan()
 
 
+@pytest.mark.exhaustive
 def test_pause_switches_off_and_resume_moves_again(engine, documents, rig, wire):
     with pytest.raises(RunEngineInterrupted):
         engine(paused_scan(wire))

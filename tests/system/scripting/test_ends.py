@@ -318,6 +318,7 @@ def test_forgotten_rig_ends_its_process():
     wait_for(lambda: not programs.lives(loop))
 
 
+@pytest.mark.exhaustive
 def test_script_that_ends_without_closing_leaves_no_process(tmp_path):
     text = "import smadrive; rig = smadrive.open_rig('in-process'); print(rig._client.child.pid)"
     done = programs.run([sys.executable, "-c", text], cwd=tmp_path, capture_output=True, text=True, check=True)
@@ -335,6 +336,7 @@ def test_script_that_ends_while_its_device_is_silent_shows_that_off_is_unconfirm
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.exhaustive
 def test_ended_client_is_ended_again_without_an_error():
     client = LoopClient()
     client.end()

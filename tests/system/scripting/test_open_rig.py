@@ -129,6 +129,7 @@ def _saved(wire):
     return "shown.json"
 
 
+@pytest.mark.exhaustive
 def test_logs_without_a_name_are_numbered(rig, wire):
     first, second = (rig.drive(Warm(), wire, duration_s=1).log_file for _ in range(2))
     assert first != second

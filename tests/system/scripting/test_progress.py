@@ -54,6 +54,7 @@ def test_progress_names_time_and_values(time_s, duration_s, share, text):
     assert str(nan) not in text
 
 
+@pytest.mark.exhaustive
 def test_terminal_shows_a_line_that_vanishes(tmp_path):
     text = programs.run_on_terminal([sys.executable, "-c", EXCITE.format(rig=brief_rig(tmp_path))], tmp_path)
     assert "exciting, excitation.h5: " in text

@@ -86,7 +86,8 @@ def test_run_has_ended_when_the_exception_of_a_signal_handler_is_raised(rig, tmp
     assert rig.heat(1.0, current_a=0.1, log=tmp_path / "next.h5").trips == 0
 
 
-@pytest.mark.parametrize("use", [lambda rig: rig.off(), exhaustive(lambda rig: rig.close())], ids=["off", "close"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("use", [lambda rig: rig.off(), lambda rig: rig.close()], ids=["off", "close"])
 def test_handler_that_uses_the_rig_during_a_run_gets_an_error_and_ends_the_run(tmp_path, use):
     log_file = tmp_path / "heat.h5"
     with smadrive.open_rig("in-process") as rig:
@@ -130,6 +131,7 @@ with smadrive.open_rig("in-process") as rig:
 """
 
 
+@pytest.mark.exhaustive
 def test_terminated_script_with_a_handler_ends_its_run(tmp_path):
     command = [sys.executable, "-c", ENDS_BY_A_HANDLER, str(LONG_S)]
     with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as script:

@@ -140,6 +140,7 @@ def test_endless_reference_is_refused(servo):
         servo.follow(smadrive.sine(low_mm=3, high_mm=7, period_s=20).without_end(1.0))
 
 
+@pytest.mark.exhaustive
 def test_repeated_reference_is_followed_with_all_its_cycles(servo):
     swing = smadrive.sine(low_mm=3, high_mm=4, period_s=10, cycles=1)
     _, tracking = servo.follow(swing.repeated(3, 1.0))
@@ -248,6 +249,7 @@ def test_trip_fails_the_motion_and_ends_at_zero_current(wire, tmp_path):
     assert servo.run.trips == 1
 
 
+@pytest.mark.exhaustive
 def test_closing_the_rig_ends_its_servo(wire, tmp_path):
     with smadrive.open_rig("in-process") as rig:
         servo = rig.servo(wire, tmp_path / "servo.h5")
@@ -256,6 +258,7 @@ def test_closing_the_rig_ends_its_servo(wire, tmp_path):
     assert servo.run.log.ended_by == ""
 
 
+@pytest.mark.exhaustive
 def test_run_of_a_servo_adds_to_the_health_record_of_its_wire(rig, identified, tmp_path):
     wire_file = shutil.copy(identified.wire_file, tmp_path / "wire.json")
     with rig.servo(load_wire(wire_file), tmp_path / "servo.h5") as servo:

@@ -242,6 +242,7 @@ def test_close_tells_that_the_loop_process_died_under_another_thread(tmp_path, i
             rig.close()
 
 
+@pytest.mark.exhaustive
 def test_two_threads_close_one_rig():
     rig = smadrive.open_rig("in-process")
     with ThreadPoolExecutor() as pool:

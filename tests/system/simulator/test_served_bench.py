@@ -51,6 +51,7 @@ def sim_file(folder, devices=DEVICES):
     return str(path)
 
 
+@pytest.mark.exhaustive
 def test_every_endpoint_is_printed_and_all_devices_measure_the_same_wire(tmp_path):
     script = tmp_path / "faults.toml"
     script.write_text('[[faults]]\nat_s = 60.0\nname = "wire.drop"\nfor_s = 5.0\n', encoding="utf-8")

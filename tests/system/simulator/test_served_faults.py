@@ -53,6 +53,7 @@ def scripted(request, tmp_path):
         yield partial(advance, process), url
 
 
+@pytest.mark.exhaustive
 def test_scripted_faults_begin_on_time_and_the_driver_recovers(scripted):
     advance_to, url = scripted
     with open_transport(url, load_profile("sma-reference").serial_settings()) as transport:

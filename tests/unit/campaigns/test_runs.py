@@ -45,6 +45,7 @@ def table_of(client, plan, folder, *, resume=False):
         return results_table(plan, journal.results), len(finished)
 
 
+@pytest.mark.exhaustive
 def test_a_run_is_the_same_on_a_cluster_and_without(client, short_campaign, tmp_path):
     plan = short_campaign()
     table, finished = table_of(client, plan, tmp_path / "folder")

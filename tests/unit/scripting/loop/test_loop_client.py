@@ -120,6 +120,7 @@ def test_interruption_is_not_lost_if_pickling_fails(client):
     assert "cannot be transferred" in caught.value.args[0]
 
 
+@pytest.mark.exhaustive
 def test_client_is_busy_until_the_reply_arrives(client, far):
     calling = threading.Thread(target=client.call, args=(None,))
     calling.start()

@@ -61,6 +61,7 @@ subprocess.run([sys.executable, "-c", sys.argv[1], str(loop.fileno())], pass_fds
 """
 
 
+@pytest.mark.exhaustive
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux shows the state of a process")
 def test_script_that_stays_stopped_interrupts_its_request_once():
     """Three signals would end the tries to switch off."""

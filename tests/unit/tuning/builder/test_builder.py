@@ -90,6 +90,7 @@ def test_invalid_change_fails_with_its_reason(builder):
     assert "mu_cooling" in failure.reason
 
 
+@pytest.mark.exhaustive
 def test_request_fails_when_its_process_dies_and_the_next_one_is_done(builder):
     os.kill(builder.pid, signal.SIGSTOP)
     builder.begin(build_request(moved(91.0)))
