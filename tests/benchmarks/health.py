@@ -1,7 +1,6 @@
 """False alarms and found jumps of fault 20, and the drift that a record shows: python tests/benchmarks/health.py
 
-Every wire is random, and so is its resistance: martensite and austenite have their own temperature coefficients, an
-R-phase adds a hump, leads and contacts add ohms. It is excited and identified like a real wire. Then it runs healthy,
+Every wire is random, and so is its resistance. It is excited and identified like a real wire. Then it runs healthy,
 with and without a displacement sensor, in drafts, drifting ambient temperatures and steps of the load, while it ages
 and its contacts change a little from run to run. Each run adds an entry to the record of the wire, like `smadrive run`.
 A healthy run must not trip. Afterwards, each kind of jump is tried in a run of its own, from the same record.
@@ -52,39 +51,14 @@ CRACKS = {f"crack +{100 * share:.0f} %": share for share in (0.05, 0.1, 0.2)}
 OTHER = "another wire"
 
 
-class Resistance:
-    """The resistance of one simulated wire over temperature and phase, and of its contacts.
-
-    `size` multiplies the temperature coefficients and the hump, which the driver's model of the resistance lacks.
-    """
-
-    def __init__(self, random: Random, size: float) -> None:
-        self.martensite_per_k, self.austenite_per_k = (size * random.uniform(0.0, 1e-3) for _ in range(2))
-        self.hump = size * random.uniform(0.0, 0.04)
-        self.leads_ohm = random.uniform(0.0, 0.5)
-
-    def fit_into(self, plant, contact_ohm: float) -> None:
-        """Give the plant this resistance; `contact_ohm` are the contacts of this run."""
-        by_phase, ambient_c = plant._resistance_ohm, plant.temperature_c
-
-        def ohm() -> float:
-            phase, warmer_k = plant.phase, plant.temperature_c - ambient_c
-            per_k = self.martensite_per_k * (1.0 - phase) + self.austenite_per_k * phase
-            return by_phase() * (1.0 + per_k * warmer_k + 4.0 * self.hump * phase * (1.0 - phase))
-
-        plant._resistance_ohm = ohm
-        plant.faults.corrode_contact(self.leads_ohm + contact_ohm)
-
-
 class WireUnderTest:
     """A random wire, its files in `folder`, and its age."""
 
-    def __init__(self, folder: Path, seed: int, size: float) -> None:
+    def __init__(self, folder: Path, seed: int) -> None:
         self.random = Random(seed)
         self.seed, self.folder, self.wire_file = seed, folder, folder / "wire.json"
         self.sim = random_wire(NOMINAL, seed)
-        self.resistance = Resistance(self.random, size)
-        self.shift_c = self.fade = 0.0
+        self.contact_ohm = self.shift_c = self.fade = 0.0
         self.runs = 0
 
     def rig(self, sim: SimConfig, *, sensor: bool):
@@ -95,8 +69,8 @@ class WireUnderTest:
         clock.follow(device.bench.advance_to)
         plant = device.bench.plant
         plant.ageing.age_wire(self.shift_c, 0.01, self.fade)
-        contact_ohm = sim.wire.resistance_cold_ohm * self.random.uniform(0.0, SHARE)
-        self.resistance.fit_into(plant, contact_ohm)
+        self.contact_ohm = sim.wire.resistance_cold_ohm * self.random.uniform(0.0, SHARE)
+        plant.faults.corrode_contact(self.contact_ohm)
         return Rig(RIG, transports={"board": device.transport(clock)}), plant
 
     def identify(self) -> None:
@@ -162,7 +136,7 @@ def healthy_runs(wire: WireUnderTest, runs: int, kelvin: float, fade: float) -> 
 
 def crack(plant, wire: WireUnderTest, share: float) -> None:
     """Add this share of the wire's resistance to its contacts."""
-    plant.faults.corrode_contact(wire.resistance.leads_ohm + share * wire.sim.wire.resistance_cold_ohm)
+    plant.faults.corrode_contact(wire.contact_ohm + share * wire.sim.wire.resistance_cold_ohm)
 
 
 def jumping_runs(wire: WireUnderTest) -> Counter:
@@ -179,12 +153,12 @@ def jumping_runs(wire: WireUnderTest) -> Counter:
     return counts
 
 
-def study(wires: int, runs: int, seed: int, kelvin: float, fade: float, size: float) -> None:
+def study(wires: int, runs: int, seed: int, kelvin: float, fade: float) -> None:
     """Print the trips of healthy runs, the jumps that were found, and the drift that the record shows at the end."""
     found, healthy = Counter(), Counter()
     for number in range(seed, seed + wires):
         with tempfile.TemporaryDirectory() as folder:
-            wire = WireUnderTest(Path(folder), number, size)
+            wire = WireUnderTest(Path(folder), number)
             try:
                 wire.identify()
             except SmadriveError as error:
@@ -211,7 +185,6 @@ if __name__ == "__main__":
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kelvin", type=float, default=1.0, help="shift of the loop over these runs, by ageing")
     parser.add_argument("--fade", type=float, default=0.02, help="fade of the stroke over these runs, as a share")
-    parser.add_argument("--size", type=float, default=1.0, help="share of the temperature coefficients and the hump")
     arguments = parser.parse_args()
     os.nice(5)
     study(**vars(arguments))
