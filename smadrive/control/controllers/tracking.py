@@ -110,7 +110,7 @@ class TrackingController:
 
     def trusts_sensor(self) -> bool:
         """Return False while the displacement sensor gives wrong readings."""
-        return self._state is None or not self._state.source.is_sensor_wrong
+        return self._state is None or not self._state.source.compared.is_sensor_wrong
 
     def take_over(self, before: TrackingController) -> None:
         """Continue from the state of the controller `before`; the command jumps only if the error is large.

@@ -107,13 +107,17 @@ class Compared(NamedTuple):
 
 
 class Differences(NamedTuple):
-    """The differences of one tick, mm: d of both sources, sensor - resistance, its mean D, and the limit."""
+    """The differences of one tick, mm: d of both sources, sensor - resistance, its mean D, and the limit.
+
+    `may_have_slipped` is True in the first tick after a gap in the readings of the sensor, if it may have slipped then.
+    """
 
     apart_mm: float
     resistance_apart_mm: float
     latest_mm: float
     mean_mm: float
     limit_mm: float
+    may_have_slipped: bool
 
     @property
     def exceed(self) -> bool:
@@ -154,31 +158,15 @@ class SourceComparison:
 
         `predicted_mm` is the change of the displacement that the model predicts for this tick of `dt_s`.
         """
-        is_read = isfinite(sensor.mm)
-        is_back = is_read and state.has_sensor and not isfinite(state.before_mm)
-        latest_mm, due_mm = sensor.mm - resistance.mm, state.resistance_due_mm + predicted_mm
-        slip_mm = latest_mm - (state.disagreement_mm if isfinite(state.disagreement_mm) else 0.0)
-        is_same = state.is_resistance_wrong or abs(slip_mm) < self._most_mm  # not so for NaN: nothing was compared
-        may_have_slipped = is_back and not is_same
-        moved_mm = _apart(state, sensor.mm, predicted_mm, dt_s if isfinite(resistance.mm) else 0.0)
-        now = Differences(
-            slip_mm if may_have_slipped and isfinite(slip_mm) else moved_mm,
-            _resistance_apart(state, resistance.mm, due_mm, dt_s),
-            latest_mm,
-            _mean(state.disagreement_mm, latest_mm, is_first=may_have_slipped),
-            max(self._most_mm, MOST_NOISES * resistance.noise_mm),  # NaN noise: max returns the first
-        )
-        is_suspect = now.accuse_sensor
-        suspect_ticks = state.suspect_ticks + 1 if is_suspect else 0
+        now, is_read = self._differences(state, sensor, resistance, predicted_mm, dt_s), isfinite(sensor.mm)
+        suspect_ticks = state.suspect_ticks + 1 if now.accuse_sensor else 0
         failed = state.failed or suspect_ticks >= self._fails_ticks
-        valid_ticks = state.valid_ticks + 1 if is_read and not is_suspect else 0
-        agreeing_ticks = state.agreeing_ticks + 1 if isfinite(latest_mm) and abs(now.mean_mm) < self._most_mm else 0
+        valid_ticks = state.valid_ticks + 1 if is_read and not now.accuse_sensor else 0
+        agree = isfinite(now.latest_mm) and abs(now.mean_mm) < self._most_mm
+        agreeing_ticks = state.agreeing_ticks + 1 if agree else 0
         is_agreed = agreeing_ticks > 0 and valid_ticks > RETURNS_TICKS
-        is_confirmed = not may_have_slipped and (state.is_confirmed or is_agreed)
-        weight = 1.0 / (self._fails_ticks if now.accuse_resistance else self._undecided_ticks)
-        evidence = state.evidence
-        if isfinite(latest_mm):
-            evidence = min(1.0, evidence + weight) if now.exceed and not is_suspect and is_confirmed else 0.0
+        is_confirmed = not now.may_have_slipped and (state.is_confirmed or is_agreed)
+        evidence = self._evidence(state.evidence, now, is_confirmed=is_confirmed)
         is_found = evidence == 1.0 > state.evidence
         is_wrong = is_found or (state.is_resistance_wrong and agreeing_ticks <= RETURNS_TICKS)
         return Compared(
@@ -186,7 +174,7 @@ class SourceComparison:
             resistance_apart_mm=now.apart_mm if is_found else now.resistance_apart_mm,
             disagreement_mm=now.mean_mm,
             before_mm=sensor.mm,
-            resistance_due_mm=resistance.mm if isfinite(resistance.mm) else due_mm,
+            resistance_due_mm=resistance.mm if isfinite(resistance.mm) else state.resistance_due_mm + predicted_mm,
             suspect_ticks=suspect_ticks,
             evidence=evidence,
             valid_ticks=valid_ticks,
@@ -196,6 +184,41 @@ class SourceComparison:
             failed=failed,
             is_resistance_wrong=is_wrong and not failed,
         )
+
+    def _differences(
+        self,
+        state: Compared,
+        sensor: DisplacementReading,
+        resistance: DisplacementReading,
+        predicted_mm: float,
+        dt_s: float,
+    ) -> Differences:
+        """Return the differences of this tick; `state` is the state before it."""
+        is_back = isfinite(sensor.mm) and state.has_sensor and not isfinite(state.before_mm)
+        latest_mm = sensor.mm - resistance.mm
+        slip_mm = latest_mm - (state.disagreement_mm if isfinite(state.disagreement_mm) else 0.0)
+        is_same = state.is_resistance_wrong or abs(slip_mm) < self._most_mm  # not so for NaN: nothing was compared
+        may_have_slipped = is_back and not is_same
+        moved_mm = _apart(state, sensor.mm, predicted_mm, dt_s if isfinite(resistance.mm) else 0.0)
+        return Differences(
+            slip_mm if may_have_slipped and isfinite(slip_mm) else moved_mm,
+            _resistance_apart(state, resistance.mm, state.resistance_due_mm + predicted_mm, dt_s),
+            latest_mm,
+            _mean(state.disagreement_mm, latest_mm, is_first=may_have_slipped),
+            max(self._most_mm, MOST_NOISES * resistance.noise_mm),  # NaN noise: max returns the first
+            may_have_slipped,
+        )
+
+    def _evidence(self, before: float, now: Differences, *, is_confirmed: bool) -> float:
+        """Return the evidence of a wrong resistance after a tick, from 0 to 1. A tick without both readings adds none.
+
+        `is_confirmed` is False after a gap in which the sensor may have slipped.
+        """
+        if not isfinite(now.latest_mm):
+            return before
+        if now.accuse_sensor or not (now.exceed and is_confirmed):
+            return 0.0
+        return min(1.0, before + 1.0 / (self._fails_ticks if now.accuse_resistance else self._undecided_ticks))
 
 
 def _apart(state: Compared, now_mm: float, predicted_mm: float, forgets_s: float) -> float:

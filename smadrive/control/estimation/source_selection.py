@@ -71,11 +71,6 @@ class SourceState(NamedTuple):
         return replaces or self.source is DisplacementFrom.RESISTANCE
 
     @property
-    def is_sensor_wrong(self) -> bool:
-        """True if the sensor has failed, or has given readings again for a while that the resistance contradicts."""
-        return self.compared.is_sensor_wrong
-
-    @property
     def in_force(self) -> DisplacementFrom:
         """The source in force: `RESISTANCE` if `needs_resistance`, else `source`. It may differ from the chosen one."""
         return DisplacementFrom.RESISTANCE if self.needs_resistance else self.source
@@ -122,7 +117,7 @@ class SourceSelection:
         """
         if before._chosen is self._chosen:
             return state
-        is_replaced = state.is_sensor_wrong and self._chosen is DisplacementFrom.SENSOR
+        is_replaced = state.compared.is_sensor_wrong and self._chosen is DisplacementFrom.SENSOR
         compared = state.compared.wrong_sensor()._replace(has_sensor=is_replaced)
         return SourceState(state.lead, compared, is_replaced, cold_s=state.cold_s, shift_c=state.shift_c)
 

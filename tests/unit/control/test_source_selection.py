@@ -189,8 +189,8 @@ def test_wrong_sensor_stays_wrong_when_another_source_was_chosen_meanwhile(betwe
     other = second.adopt(first.start()._replace(compared=compared, is_replaced=True), first)
     assert other.needs_resistance is False  # so that the source "none" needs no sense current
     back = third.adopt(other, second)
-    assert other.is_sensor_wrong
-    assert (back.is_sensor_wrong, back.is_replaced, back.compared.failed) == (True, True, compared.failed)
+    assert other.compared.is_sensor_wrong
+    assert (back.compared.is_sensor_wrong, back.is_replaced, back.compared.failed) == (True, True, compared.failed)
 
 
 def test_spikes_do_not_make_a_sensor_fail():
