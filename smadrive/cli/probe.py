@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+from collections.abc import Collection
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
@@ -43,6 +44,7 @@ def main(
         identities = {name: str(identity) for name, identity in open_rig.identify().items()}
         tripped = open_rig.latch.read()
         bus = open_rig.bus_counters
+        measured = tuple(filter(open_rig.measures, ("temperature", "displacement")))
         wire_file = model or _model_file(config)
         found = None if wire_file is None else assess(wire_file, config.feedback)
     waiting = waiting_guardians()
@@ -53,9 +55,10 @@ def main(
     )
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is of type {identity}")
-    output.table(("quantity", "value"), _rows(measurement))
-    for description in descriptions(config.calibration, today()).values():
-        output.say(f"{config.name}: {description}")
+    output.table(("quantity", "value"), _rows(measurement, measured))
+    calibrated = descriptions(config.calibration, today())
+    for quantity in measured:
+        output.say(f"{config.name}: {calibrated[quantity]}")
     if found is not None:
         show_health(output, found)
     for name, counters in bus.items():
@@ -94,10 +97,15 @@ def _print_latched(output: Output, measurement: Measurement, tripped: str | None
         output.say(f"hint: remove the cause, then run smadrive off {shlex.quote(rig)} --clear-faults")
 
 
-def _rows(measurement: Measurement) -> list[tuple[str, str]]:
-    """Return the rows of the table. A missing displacement, fault or limit has a row, too."""
+def _rows(measurement: Measurement, measured: Collection[str]) -> list[tuple[str, str]]:
+    """Return the rows of the table. A missing displacement, fault or limit has a row, too.
+
+    `measured` are the quantities that a device of the rig measures.
+    """
     facts = dict(measurement.facts())
-    displacement = facts["displacement"] if isfinite(measurement.displacement_mm) else "no sensor, or out of its range"
+    displacement = "no sensor, or out of its range" if "displacement" in measured else "not measured"
+    if isfinite(measurement.displacement_mm):
+        displacement = facts["displacement"]
     return [
         ("temperature", facts["temperature"]),
         ("displacement", displacement),

@@ -31,7 +31,7 @@ from smadrive.posix import check_posix
 from smadrive.real_time import real_time_scheduling
 from smadrive.rig.assembly import open_devices
 from smadrive.rig.checks.limits import check_excitation_time, check_limits, check_same_wire
-from smadrive.rig.checks.sensing import check_sensing, check_sensor, usable_wire
+from smadrive.rig.checks.sensing import check_sensing, check_sensor, usable_checks, usable_wire
 from smadrive.rig.config import RigConfig
 from smadrive.rig.controllers import excitation_controller, excitation_path, tracking_controller
 from smadrive.rig.last_heat import LastHeat
@@ -192,7 +192,7 @@ class Rig:
         """
         self.check_balance(balance)
         if checks is not None:
-            checks = checks._replace(wire=self.usable(checks.wire))
+            checks = usable_checks(checks, self._source)
         return self._run(controller, balance, checks, record, stop_requested)
 
     def usable(self, wire: WireModel) -> WireModel:

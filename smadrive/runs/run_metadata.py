@@ -40,6 +40,16 @@ LEAST_VALID, FEW_INVALID = 0.8, 0.01
 """Least share of samples with all values in a usable record, and largest share without them that is no caveat."""
 
 
+def measures_resistance(log: Log) -> bool:
+    """Return False if the heat source of the run did not measure current and voltage, but computed them.
+
+    DataError if the log does not hold the profiles of its devices.
+    """
+    names = "measured_current", "measured_voltage"
+    roles = log.parsed("profiles", lambda profiles: [profile["roles"] for profile in profiles.values()])
+    return any(all(one[name] is not None for name in names) for one in roles)
+
+
 def excitation_record(log: Log) -> ExcitationRecord:
     """Return the columns from which a wire is identified.
 

@@ -73,6 +73,7 @@ PLACEHOLDERS = {
     "duration_s": "S",
     "reference": "CSV|SHAPE",
     "kind": "tsfuzzy|duhem",
+    "displacement_from": "sensor|resistance|none",
 }
 """The placeholder for the value of an option, by the name of its parameter."""
 

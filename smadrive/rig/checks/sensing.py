@@ -22,11 +22,13 @@ from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.planned_device import PlannedDevice
+from smadrive.rig.supervision import WireChecks
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import branch_of, cold_c, lost_text
 from smadrive.wire.wire_model import WireModel
 
 KEY = "displacement_from"
+OTHER_SOURCE = f'set {KEY} = "none", or "sensor" if the rig has a displacement sensor'
 
 COARSE, TOO_COARSE = 0.02, 0.1
 """Bounds of the error by the resolution, in strokes.
@@ -53,7 +55,7 @@ def check_sensing(
         raise ConfigError(
             "the model file has no resistance",
             where=KEY,
-            value=chosen.value,
+            value=f'"{chosen.value}"',
             cure="identify the wire again, from a log of `smadrive excite` with a displacement sensor; "
             "`smadrive identify` says why if the resistance cannot be used",
         )
@@ -65,6 +67,17 @@ def usable_wire(wire: WireModel, source: PlannedDevice) -> WireModel:
     if wire.resistance is None or _unusable(source, wire, wire.resistance) is None:
         return wire
     return WireModel(wire.model, wire.balance)
+
+
+def usable_checks(checks: WireChecks, source: PlannedDevice) -> WireChecks:
+    """Return the checks of the wire without those that need a resistance that `source` cannot measure."""
+    expected = checks.expected if measures_resistance(source.profile) else None
+    return checks._replace(wire=usable_wire(checks.wire, source), expected=expected)
+
+
+def measures_resistance(profile: Profile) -> bool:
+    """Return True if a device that heats, with this profile, measures current and voltage."""
+    return profile.roles.measured_current is not None and profile.roles.measured_voltage is not None
 
 
 def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
@@ -80,12 +93,11 @@ def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
 
 def _unusable(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> ConfigError | None:
     """Return the reason why `source` cannot measure the resistance of the wire, as an error; None if it can."""
-    roles = source.profile.roles
-    if roles.measured_current is None or roles.measured_voltage is None:
+    if not measures_resistance(source.profile):
         return ConfigError(
             f"'{source.config.profile}' does not measure current and voltage, so the resistance is unknown",
             where=source.where,
-            cure=f'set {KEY} = "sensor" or "none"',
+            cure=OTHER_SOURCE,
         )
     error = resolution_error(wire, resistance, *resolution(source.profile))
     if error <= TOO_COARSE:
@@ -95,7 +107,7 @@ def _unusable(source: PlannedDevice, wire: WireModel, resistance: WireResistance
         where=source.where,
         value=f"up to {distinct(100 * error, 100 * TOO_COARSE)} % of the stroke by its resolution",
         limit=f"{distinct(100 * TOO_COARSE, 100 * error)} %",
-        cure="use a device with a finer resolution, or a displacement sensor",
+        cure=f"{OTHER_SOURCE}, or use a device with a finer resolution",
     )
 
 
@@ -116,7 +128,8 @@ def _resolution_caveats(source: PlannedDevice, wire: WireModel, resistance: Wire
     error = resolution_error(wire, resistance, *resolution(source.profile))
     if error < COARSE:
         return ()
-    return (f"the resolution of {source.where} alone makes an error of up to {100 * error:.1f} % of the stroke",)
+    effect = "makes the displacement by the resistance wrong by up to"
+    return (f"the resolution of {source.where} alone {effect} {100 * error:.1f} % of the stroke",)
 
 
 def resolution_error(wire: WireModel, resistance: WireResistance, quantum_a: float, quantum_v: float) -> float:

@@ -22,7 +22,13 @@ from smadrive.runs.health.rest_resistance import HeatedSamples, RestResistance, 
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.series import rms_and_max
 from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, measured_mm
-from smadrive.runs.run_metadata import displacement_in_time, nominal_balance, rig_config_of, wire_of
+from smadrive.runs.run_metadata import (
+    displacement_in_time,
+    measures_resistance,
+    nominal_balance,
+    rig_config_of,
+    wire_of,
+)
 from smadrive.runs.session_record import models_of, tunings_of
 from smadrive.safety.resistance_band import current_min_a
 from smadrive.wire.health.entry import IDENTIFICATION, Estimate, HealthEntry, LoopShape
@@ -76,7 +82,8 @@ def run_entry(log: Log, wire_file: Path) -> HealthEntry:
     config = rig_config_of(log)
     wire = wire_of(log) if "wire" in log.metadata else load_wire(wire_file)
     stepped = WireModel(wire.model, wire.heat_balance or nominal_balance(log))
-    drift, rest = _drift(log, stepped, config), _measured_rest(log, stepped, config)
+    drift = _drift(log, stepped, config)
+    rest = _measured_rest(log, stepped, config) if measures_resistance(log) else RestResistance()
     rms, largest = _tracking_percent(log)
     loop = loop_shape(wire.model)
     return HealthEntry(

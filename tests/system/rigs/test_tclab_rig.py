@@ -9,6 +9,7 @@ from pathlib import Path
 
 import programs
 import pytest
+from exact_wire import exact_wire
 from marks import exhaustive
 from served import PATIENT
 
@@ -16,6 +17,7 @@ from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from firmware_sim.devices.replay import Replay
 from smadrive.clock import VirtualClock
+from smadrive.control.controllers.step import ManualStep
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
 from smadrive.devices.identity import TypeCheck
@@ -24,10 +26,12 @@ from smadrive.errors import ConfigError, TripError
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.identification.wire import identify_wire
 from smadrive.rig.config import RigConfig, load_rig
+from smadrive.rig.controllers import step_controller
 from smadrive.rig.rig import Rig
+from smadrive.runs.health.entries import run_entry
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.metrics.run import tracking_metrics
-from smadrive.runs.run_log import record_excitation, record_tracking
+from smadrive.runs.run_log import record_excitation, record_step, record_tracking
 from smadrive.runs.run_metadata import excitation_record, nominal_balance
 from smadrive.safety.faults import Fault
 from smadrive.wire.wire_model import WireModel, travel_mm
@@ -83,6 +87,18 @@ def test_tclab_runs_without_displacement_sensor_and_with_unknown_error(tmp_path)
     printed = smadrive(*run, "-o", str(tmp_path / "b.h5")).stdout
     assert "unknown" in printed
     assert "no working displacement sensor" in printed
+
+
+@pytest.mark.parametrize(("devices", "is_measured"), [((BOARD, LASER), False), (None, True)], ids=["tclab", "board"])
+def test_only_a_measured_resistance_is_recorded(tmp_path, devices, is_measured):
+    log_file, step = tmp_path / "heat.h5", ManualStep(0.25, None, 6.0)
+    with (
+        Rig(rig_of(*devices) if devices else load_rig("in-process")) as rig,
+        record_step(log_file, rig, step) as recorder,
+    ):
+        rig.drive(step_controller(rig.config, step, rig.nominal_balance), rig.nominal_balance, recorder.tick)
+    exact_wire().save(tmp_path / "wire.json")
+    assert run_entry(read_log(log_file), tmp_path / "wire.json").rest_ohm.is_known is is_measured
 
 
 def test_trace_of_text_lines_is_readable_but_cannot_be_served_again(tmp_path):

@@ -8,9 +8,19 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import DisplacementFrom
-from smadrive.rig.checks.sensing import COARSE, TOO_COARSE, check_sensing, resolution, resolution_error, usable_wire
+from smadrive.rig.checks.sensing import (
+    COARSE,
+    TOO_COARSE,
+    check_sensing,
+    resolution,
+    resolution_error,
+    usable_checks,
+    usable_wire,
+)
 from smadrive.rig.config import DeviceConfig
 from smadrive.rig.planned_device import PlannedDevice
+from smadrive.rig.supervision import WireChecks
+from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
@@ -66,6 +76,13 @@ def test_resistance_that_the_source_cannot_measure_is_not_used(profile, wire, is
     assert used.resistance is (wire.resistance if is_used else None)
     assert len(checked(DisplacementFrom.SENSOR, profile, wire)) == (0 if is_used else 1)
     assert checked(DisplacementFrom.NONE, profile, wire) == ()
+
+
+@pytest.mark.parametrize(("profile", "is_checked"), [(BOARD, True), ("riden-rd60xx", True), ("tclab", False)])
+def test_resistance_at_rest_is_checked_only_if_it_is_measured(profile, is_checked):
+    expected = ExpectedRest(16.5, 0.03)
+    used = usable_checks(WireChecks(WIRE, expected), source(profile))
+    assert used.expected is (expected if is_checked else None)
 
 
 def test_warm_wire_is_warned_of():
