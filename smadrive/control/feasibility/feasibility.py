@@ -103,11 +103,15 @@ class Feasibility:
         if self.feasible:
             error = f"an error of at most {percent:.1f} % of the stroke"
             return f"feasible with {error} and a highest temperature of {self.hottest_c:.0f} °C"
-        return (
-            f"at {self.at_s:.1f} s the error is {self.shortfall_mm:.2g} mm ({percent:.0f} % of the stroke): the "
-            f"reference moves at {self.setpoint_mm_per_s:+.2g} mm/s, the wire at {self.reached_mm_per_s:+.2g} mm/s; "
-            f"{REASONS[self.limit]}"
-        )
+        error = f"at {self.at_s:.1f} s the error is {self.shortfall_mm:.2g} mm ({percent:.0f} % of the stroke)"
+        return f"{error}: {self._motion}; {REASONS[self.limit]}"
+
+    @property
+    def _motion(self) -> str:
+        setpoint_mm_per_s, reached_mm_per_s = self.setpoint_mm_per_s, self.reached_mm_per_s
+        if reached_mm_per_s * setpoint_mm_per_s > setpoint_mm_per_s**2:
+            return f"the wire is late, and catches up at {reached_mm_per_s:+.2g} mm/s"
+        return f"the reference moves at {setpoint_mm_per_s:+.2g} mm/s, the wire at {reached_mm_per_s:+.2g} mm/s"
 
     def check(self, temperature_max_c: float, *, smooth: bool, smooth_option: str, way_back_s: float = 0.0) -> None:
         """Raise ConfigError when the reference is not feasible, or needs a temperature above the limit.
