@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.references.reference import Reference
+from smadrive.devices.profile.schema import Roles
 from smadrive.errors import DataError
 from smadrive.files.config import validate
 from smadrive.identification.column_units import stroke_caveats, unit_caveats
@@ -45,9 +46,8 @@ def measures_resistance(log: Log) -> bool:
 
     DataError if the log does not hold the profiles of its devices.
     """
-    names = "measured_current", "measured_voltage"
-    roles = log.parsed("profiles", lambda profiles: [profile["roles"] for profile in profiles.values()])
-    return any(all(one[name] is not None for name in names) for one in roles)
+    roles = log.parsed("profiles", lambda profiles: [Roles(**profile["roles"]) for profile in profiles.values()])
+    return any(one.measure_resistance for one in roles)
 
 
 def excitation_record(log: Log) -> ExcitationRecord:

@@ -127,6 +127,11 @@ class Roles(Section):
     source_offset: str | None = None
     calibration_save: str | None = None
 
+    @property
+    def measure_resistance(self) -> bool:
+        """True if the device measures current and voltage."""
+        return self.measured_current is not None and self.measured_voltage is not None
+
     def without(self, absent: Collection[str]) -> Roles:
         """Return the roles except those whose register is in `absent`."""
         bound = self.model_dump(exclude_none=True)

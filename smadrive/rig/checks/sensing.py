@@ -71,13 +71,8 @@ def usable_wire(wire: WireModel, source: PlannedDevice) -> WireModel:
 
 def usable_checks(checks: WireChecks, source: PlannedDevice) -> WireChecks:
     """Return the checks of the wire without those that need a resistance that `source` cannot measure."""
-    expected = checks.expected if measures_resistance(source.profile) else None
+    expected = checks.expected if source.profile.roles.measure_resistance else None
     return checks._replace(wire=usable_wire(checks.wire, source), expected=expected)
-
-
-def measures_resistance(profile: Profile) -> bool:
-    """Return True if a device that heats, with this profile, measures current and voltage."""
-    return profile.roles.measured_current is not None and profile.roles.measured_voltage is not None
 
 
 def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
@@ -93,7 +88,7 @@ def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
 
 def _unusable(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> ConfigError | None:
     """Return the reason why `source` cannot measure the resistance of the wire, as an error; None if it can."""
-    if not measures_resistance(source.profile):
+    if not source.profile.roles.measure_resistance:
         return ConfigError(
             f"'{source.config.profile}' does not measure current and voltage, so the resistance is unknown",
             where=source.where,
