@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.references.reference import Reference
-from smadrive.devices.profile.schema import Roles
 from smadrive.errors import DataError
 from smadrive.files.config import validate
 from smadrive.identification.column_units import stroke_caveats, unit_caveats
@@ -19,6 +18,7 @@ from smadrive.identification.excitation import Excitation, ExcitationRecord
 from smadrive.measurement import DisplacementFrom
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.held_readings import between_readings
+from smadrive.rig.checks.sensing import measures_resistance_by
 from smadrive.rig.config import RigConfig
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_kind import RunKind
@@ -46,8 +46,7 @@ def measures_resistance(log: Log) -> bool:
 
     DataError if the log does not hold the profiles of its devices.
     """
-    roles = log.parsed("profiles", lambda profiles: [Roles(**profile["roles"]) for profile in profiles.values()])
-    return any(one.measure_resistance for one in roles)
+    return log.parsed("profiles", lambda profiles: any(map(measures_resistance_by, profiles.values())))
 
 
 def excitation_record(log: Log) -> ExcitationRecord:

@@ -15,9 +15,12 @@ q_U and q_I are the quanta of voltage and current, R is the resistance, and ξ i
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import sqrt
+from typing import Any
 
 from smadrive.devices.profile.profile import Profile
+from smadrive.devices.profile.schema import Roles
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
 from smadrive.measurement import DisplacementFrom
@@ -73,6 +76,11 @@ def usable_checks(checks: WireChecks, source: PlannedDevice) -> WireChecks:
     """Return the checks of the wire without those that need a resistance that `source` cannot measure."""
     expected = checks.expected if source.profile.roles.measure_resistance else None
     return checks._replace(wire=usable_wire(checks.wire, source), expected=expected)
+
+
+def measures_resistance_by(profile: Mapping[str, Any]) -> bool:
+    """Return True if a device with this profile, as a log holds it, measures current and voltage."""
+    return Roles(**profile["roles"]).measure_resistance
 
 
 def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
