@@ -53,19 +53,19 @@ def noise_deviation(samples: FloatArray, order: int = 2) -> float:
     rounding = 0.0
     if np.count_nonzero(~moves) > REPEATED * len(moves):
         samples = samples[np.flatnonzero(np.append(True, moves))]
-        rounding = _quantum(samples) / sqrt(12.0)
+        rounding = quantum(samples) / sqrt(12.0)
     if len(samples) < 5:
         return rounding
     differences = np.abs(np.diff(samples, order))
     return max(float(np.median(differences)) / MEDIAN_SHARE / sqrt(comb(2 * order, order)), rounding)
 
 
-def _quantum(samples: FloatArray) -> float:
+def quantum(samples: FloatArray) -> float:
     """Return the number of which every step between neighbouring samples is a multiple; 0 if there is none."""
     steps = np.abs(np.diff(samples))
-    quantum = float(steps.min(initial=np.inf))
-    if not quantum > FINEST * float(steps.max(initial=0.0)):
+    least = float(steps.min(initial=np.inf))
+    if not least > FINEST * float(steps.max(initial=0.0)):
         return 0.0
-    multiples = steps / quantum
+    multiples = steps / least
     is_whole = np.abs(multiples - np.round(multiples)) < WHOLE
-    return quantum if steps.size and np.all(is_whole) else 0.0
+    return least if steps.size and np.all(is_whole) else 0.0

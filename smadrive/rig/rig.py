@@ -203,7 +203,9 @@ class Rig:
         self, wire: WireModel, displacement_from: DisplacementFrom, temperature_c: float
     ) -> tuple[str, ...]:
         """Return warnings about the sensors; ConfigError if the rig cannot use this source (checks/sensing.py)."""
-        return (*self.caveats, *check_sensing(displacement_from, self._source, wire, temperature_c))
+        has_sensor = self.measures("displacement")
+        sensing = check_sensing(displacement_from, self._source, wire, temperature_c, has_sensor=has_sensor)
+        return *self.caveats, *sensing
 
     def check_chosen(self, wire: WireModel, chosen: DisplacementFrom, temperature_c: float) -> tuple[str, ...]:
         """Return the warnings of `check_sensing`; ConfigError, too, if `chosen` is a sensor that the rig lacks."""

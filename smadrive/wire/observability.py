@@ -5,10 +5,19 @@ temperature coefficients or of an R-phase. Then one resistance belongs to two di
 thermocouple distinguishes these displacements, but the resistance alone does not: this band is lost.
 
 At a known temperature the standard deviation of one sample is σ_U / (I |dR/dξ|) strokes; see identified_resistance.py.
+
+The resolution of the device limits the displacement, too: a quantum q makes an error of up to q/2, and while the
+current is steady, this error does not average out. In the middle of the cooling branch, held by the current I at the
+voltage U, the error of the displacement is up to
+
+    (q_U / 2U + q_I / 2I) R / |dR/dξ|  strokes
+
+q_U and q_I are the quanta of voltage and current, and R is the resistance.
 """
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -99,6 +108,24 @@ def sense_current(wire: WireModel, resistance: WireResistance) -> SenseCurrent:
     loss_w = wire.balance.loss_w_per_k * max(middle_c - wire.balance.ambient_c, 1.0)
     current_a = min(resistance.noise_v / (SENSE_NOISE * slope), float(np.sqrt(SENSE_HEAT * loss_w / ohm)))
     return SenseCurrent(current_a, resistance.noise_v / (current_a * slope), current_a**2 * ohm / loss_w)
+
+
+COARSE, TOO_COARSE = 0.02, 0.1
+"""Bounds of the error by the resolution, in strokes.
+
+A run by resistance gets a warning above `COARSE`. Above `TOO_COARSE` it is refused, and other runs do not use the
+resistance.
+"""
+
+
+def resolution_error(wire: WireModel, resistance: WireResistance, quantum_a: float, quantum_v: float) -> float:
+    """Return the largest error of the displacement by the resolution, in strokes: see the head of this file."""
+    cooling = branch_of(wire, resistance, rising=False)
+    middle = int(abs(cooling.phase - 0.5).argmin())
+    temperature_c, ohm = float(cooling.temperature_c[middle]), float(cooling.ohm[middle])
+    held_a = sqrt(max(wire.balance.power_w(temperature_c, 0.0, 0.0), 1e-9) / ohm)
+    share = 0.5 * quantum_v / (held_a * ohm) + 0.5 * quantum_a / held_a
+    return share * ohm / abs(resistance.ohm_per_phase(temperature_c, 0.5))
 
 
 def sense_text(wire: WireModel, resistance: WireResistance) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from smadrive.runs.record_fit import RecordFit
-from smadrive.wire.observability import lead_text, lost_text, sense_text
+from smadrive.wire.observability import COARSE, TOO_COARSE, lead_text, lost_text, sense_text
 from smadrive.wire.wire_model import WireModel
 
 
@@ -39,7 +39,21 @@ def resistance_sentences(record: RecordFit) -> tuple[str, ...]:
         return (f"the resistance cannot measure the displacement: {record.without_resistance}",)
     resistance = record.resistance.resistance
     wire = WireModel(record.fit.model, record.thermal.balance)
-    return sense_text(wire, resistance), lead_text(wire, resistance), *lost_text(wire, resistance)
+    return (
+        *_resolution_texts(record.resistance.resolution),
+        sense_text(wire, resistance),
+        lead_text(wire, resistance),
+        *lost_text(wire, resistance),
+    )
+
+
+def _resolution_texts(error: float) -> tuple[str, ...]:
+    """Return a sentence if the resolution of current and voltage limits the displacement by the resistance."""
+    if error < COARSE:
+        return ()
+    wrong = f"the resolution of current and voltage makes the displacement wrong by up to {100 * error:.1f} %"
+    refused = ", so a run by resistance is refused on this rig" if error > TOO_COARSE else ""
+    return (f"{wrong} of the stroke{refused}",)
 
 
 def resistance_result(record: RecordFit) -> dict[str, object] | None:
@@ -47,5 +61,5 @@ def resistance_result(record: RecordFit) -> dict[str, object] | None:
     if record.resistance is None:
         return None
     fit = record.resistance
-    numbers = {"change": fit.change, "noise_phase": fit.noise_phase, "rms_ohm": fit.rms_ohm, "within": fit.within}
-    return {**asdict(fit.resistance), **numbers}
+    numbers = {"change": fit.change, "noise_phase": fit.noise_phase, "resolution": fit.resolution}
+    return {**asdict(fit.resistance), **numbers, "rms_ohm": fit.rms_ohm, "within": fit.within}

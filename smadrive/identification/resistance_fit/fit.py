@@ -35,8 +35,9 @@ from smadrive.identification.resistance_fit.design import (
     resistance_design,
 )
 from smadrive.numerics.arrays import FloatArray
-from smadrive.numerics.residuals import MEDIAN_SHARE, samples_per_independent
+from smadrive.numerics.residuals import MEDIAN_SHARE, quantum, samples_per_independent
 from smadrive.wire.identified_resistance import WireResistance, spline_design
+from smadrive.wire.observability import resolution_error
 from smadrive.wire.wire_model import WireModel
 
 FIT = "resistance fit"
@@ -70,6 +71,7 @@ class ResistanceFit:
     change           relative change of the resistance from phase 0 to phase 1, at the median temperature of the samples
     rms_ohm          RMS of the residual, Ω
     noise_phase      noise of the phase of one sample, at the median current
+    resolution       largest error of the phase by the resolution of current and voltage; see wire/observability.py
     temperature_c, phase, ohm   the samples, each (samples,)
     """
 
@@ -78,6 +80,7 @@ class ResistanceFit:
     change: float
     rms_ohm: float
     noise_phase: float
+    resolution: float
     temperature_c: FloatArray
     phase: FloatArray
     ohm: FloatArray
@@ -113,7 +116,9 @@ def identify_resistance(record: ExcitationRecord, temperature_c: FloatArray, wir
             limit=error.limit,
             cure="check that current and voltage are measured at the same time as temperature and displacement",
         ) from error
-    return _judged(resistance, design, covariance, linear.residual_v)
+    quanta = (quantum(np.unique(column)) for column in (record.current_a, record.voltage_v))
+    resolution = resolution_error(wire, resistance, *quanta)
+    return _judged(resistance, design, covariance, linear.residual_v, resolution)
 
 
 def _samples(record: ExcitationRecord, temperature_c: FloatArray, wire: WireModel) -> ResistanceSamples:
@@ -148,7 +153,11 @@ def _refined(samples: ResistanceSamples, rough: LinearFit) -> ResistanceSamples:
 
 
 def _judged(
-    resistance: WireResistance, design: ResistanceDesign, covariance: FloatArray, residual_v: FloatArray
+    resistance: WireResistance,
+    design: ResistanceDesign,
+    covariance: FloatArray,
+    residual_v: FloatArray,
+    resolution: float,
 ) -> ResistanceFit:
     """Return the fit with its intervals.
 
@@ -180,4 +189,4 @@ def _judged(
     }
     rms_ohm = float(np.sqrt(np.mean((residual_v / samples.current_a) ** 2)))
     change, columns = ends[1] / ends[0] - 1.0, (samples.temperature_c, samples.phase, samples.ohm)
-    return ResistanceFit(resistance, within, change, rms_ohm, noise_phase, *columns)
+    return ResistanceFit(resistance, within, change, rms_ohm, noise_phase, resolution, *columns)

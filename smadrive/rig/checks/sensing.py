@@ -4,19 +4,12 @@ The resistance replaces a displacement sensor, and it checks the thermocouple. F
 measure current and voltage. A voltage that is computed from the current gives the same resistance at every temperature,
 which looks like that of a cold wire. If the device cannot measure the resistance, the wire is used without it.
 
-The resolution of the device limits the displacement: a quantum q makes an error of up to q/2, and while the current is
-steady, this error does not average out. In the middle of the cooling branch, held by the current I at the voltage U,
-the error of the displacement is up to
-
-    (q_U / 2U + q_I / 2I) R / |dR/dξ|  strokes
-
-q_U and q_I are the quanta of voltage and current, R is the resistance, and ξ is the phase.
+The resolution of the device limits the displacement (wire/observability.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import sqrt
 from typing import Any
 
 from smadrive.devices.profile.profile import Profile
@@ -27,31 +20,32 @@ from smadrive.measurement import DisplacementFrom
 from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.supervision import WireChecks
 from smadrive.wire.identified_resistance import WireResistance
-from smadrive.wire.observability import branch_of, cold_c, lost_text
+from smadrive.wire.observability import COARSE, TOO_COARSE, cold_c, lost_text, resolution_error
 from smadrive.wire.wire_model import WireModel
 
 KEY = "displacement_from"
+ALONE = (
+    "no device measures the displacement, so it follows from the model and the thermocouple alone: "
+    f'set {KEY} = "{DisplacementFrom.RESISTANCE}" to measure it by the resistance'
+)
 OTHER_SOURCE = f'set {KEY} = "none", or "sensor" if the rig has a displacement sensor'
-
-COARSE, TOO_COARSE = 0.02, 0.1
-"""Bounds of the error by the resolution, in strokes.
-
-A run by resistance gets a warning above `COARSE`. Above `TOO_COARSE` it is refused, and other runs do not use the
-resistance.
-"""
 
 
 def check_sensing(
-    chosen: DisplacementFrom, source: PlannedDevice, wire: WireModel, temperature_c: float
+    chosen: DisplacementFrom, source: PlannedDevice, wire: WireModel, temperature_c: float, *, has_sensor: bool
 ) -> tuple[str, ...]:
     """Return warnings of a run that takes the displacement from `chosen`, one sentence each.
 
-    `source` is the device that heats, `temperature_c` the present temperature of the wire. ConfigError if the
-    displacement cannot come from the resistance.
+    `source` is the device that heats, `temperature_c` the present temperature of the wire. `has_sensor` is True if a
+    device of the rig measures the displacement. ConfigError if the displacement cannot come from the resistance.
     """
     problem = None if wire.resistance is None else _unusable(source, wire, wire.resistance)
-    if chosen is not DisplacementFrom.RESISTANCE:
-        return () if problem is None or chosen is DisplacementFrom.NONE else (_unused_text(problem),)
+    if chosen is DisplacementFrom.NONE:
+        return ()
+    if chosen is DisplacementFrom.SENSOR:
+        if problem is not None:
+            return (_unused_text(problem),)
+        return () if has_sensor or wire.resistance is None else (ALONE,)
     if problem is not None:
         raise problem
     if wire.resistance is None:
@@ -133,16 +127,6 @@ def _resolution_caveats(source: PlannedDevice, wire: WireModel, resistance: Wire
         return ()
     effect = "makes the displacement by the resistance wrong by up to"
     return (f"the resolution of {source.where} alone {effect} {100 * error:.1f} % of the stroke",)
-
-
-def resolution_error(wire: WireModel, resistance: WireResistance, quantum_a: float, quantum_v: float) -> float:
-    """Return the largest error of the displacement by the resolution, in strokes; see the head of this file."""
-    cooling = branch_of(wire, resistance, rising=False)
-    middle = int(abs(cooling.phase - 0.5).argmin())
-    temperature_c, ohm = float(cooling.temperature_c[middle]), float(cooling.ohm[middle])
-    held_a = sqrt(max(wire.balance.power_w(temperature_c, 0.0, 0.0), 1e-9) / ohm)
-    share = 0.5 * quantum_v / (held_a * ohm) + 0.5 * quantum_a / held_a
-    return share * ohm / abs(resistance.ohm_per_phase(temperature_c, 0.5))
 
 
 def _lead_caveats(wire: WireModel, resistance: WireResistance, temperature_c: float) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.resistance_fit.fit import identify_resistance
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
+from smadrive.wire.observability import resolution_error
 from smadrive.wire.wire_model import WireModel
 
 MODEL = DuhemModel.gaussian(
@@ -61,6 +62,19 @@ def test_intervals_contain_the_martensite(fitted):
 def test_noise_and_delay_are_found(fitted):
     assert fitted.resistance.noise_v == pytest.approx(NOISE_V, rel=0.1)
     assert fitted.resistance.delay_s == pytest.approx(0.05, abs=0.01)
+
+
+@pytest.mark.parametrize("quantum", [0.001, 0.01])
+def test_resolution_of_the_meters_is_found(quantum):
+    record = record_of()
+    current_a, voltage_v = (quantum * np.round(column / quantum) for column in (record.current_a, record.voltage_v))
+    read = dataclasses.replace(record, current_a=current_a, voltage_v=voltage_v)
+    fit = identify_resistance(read, record.temperature_c, WIRE)
+    assert fit.resolution == pytest.approx(resolution_error(WIRE, fit.resistance, quantum, quantum))
+
+
+def test_fine_meters_have_no_resolution(fitted):
+    assert fitted.resolution == 0.0
 
 
 def test_samples_with_a_changing_current_are_left_out():

@@ -9,11 +9,8 @@ from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import DisplacementFrom
 from smadrive.rig.checks.sensing import (
-    COARSE,
-    TOO_COARSE,
     check_sensing,
     resolution,
-    resolution_error,
     usable_checks,
     usable_wire,
 )
@@ -23,6 +20,7 @@ from smadrive.rig.supervision import WireChecks
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
+from smadrive.wire.observability import COARSE, TOO_COARSE, resolution_error
 from smadrive.wire.wire_model import WireModel
 
 MODEL = DuhemModel.gaussian(
@@ -40,8 +38,8 @@ def source(profile):
     return PlannedDevice(config, load_profile(profile))
 
 
-def checked(chosen=DisplacementFrom.RESISTANCE, profile=BOARD, wire=WIRE, celsius=22.0):
-    return check_sensing(chosen, source(profile), wire, celsius)
+def checked(chosen=DisplacementFrom.RESISTANCE, profile=BOARD, wire=WIRE, celsius=22.0, has_sensor=True):
+    return check_sensing(chosen, source(profile), wire, celsius, has_sensor=has_sensor)
 
 
 @pytest.mark.parametrize("chosen", [DisplacementFrom.SENSOR, DisplacementFrom.NONE])
@@ -88,6 +86,14 @@ def test_resistance_at_rest_is_checked_only_if_it_is_measured(profile, is_checke
 def test_warm_wire_is_warned_of():
     (warning,) = checked(celsius=75.0)
     assert "75 °C" in warning
+
+
+def test_run_without_a_sensor_is_told_of_the_resistance():
+    (warning,) = checked(DisplacementFrom.SENSOR, has_sensor=False)
+    assert '"resistance"' in warning
+    assert checked(DisplacementFrom.SENSOR, has_sensor=True) == ()
+    assert checked(DisplacementFrom.NONE, has_sensor=False) == ()
+    assert checked(DisplacementFrom.SENSOR, wire=WireModel(MODEL, BALANCE), has_sensor=False) == ()
 
 
 def test_coarse_supply_is_warned_of_with_its_error():
