@@ -1,4 +1,4 @@
-"""False alarms and found jumps of fault 20, and the drift that a record shows: python tests/benchmarks/health.py
+"""False alarms and found jumps of the resistance, and the drift that a record shows: python tests/benchmarks/health.py
 
 Every wire is random, and so is its resistance. It is excited and identified like a real wire. Then it runs healthy,
 with and without a displacement sensor, in drafts, drifting ambient temperatures and steps of the load, while it ages
@@ -171,11 +171,12 @@ def study(wires: int, runs: int, seed: int, kelvin: float, fade: float) -> None:
             found += jumping_runs(wire)
             print(f"wire {number}: tolerance {100 * expected.tolerance:.1f} %; {health!s}", flush=True)
     print(f"\nhealthy: {dict(healthy)}")
-    print(f"{'jump':16}{'sensor':10}found by fault 20   by another fault   not found")
+    print(f"{'jump':16}{'sensor':10}found by fault 20   by fault 21   by another fault   not found")
     for name, sensor in product([*CRACKS, OTHER], (True, False)):
         of = {fault: count for (jump, has, fault), count in found.items() if (jump, has) == (name, sensor)}
-        missed, jumped = of.pop(0, 0), of.pop(20, 0)
-        print(f"{name:16}{'with' if sensor else 'without':10}{jumped:17}{sum(of.values()):19}{missed:12}")
+        missed, jumped, implausible = (of.pop(number, 0) for number in (0, 20, 21))
+        of_sensor = f"{name:16}{'with' if sensor else 'without':10}"
+        print(f"{of_sensor}{jumped:17}{implausible:14}{sum(of.values()):19}{missed:12}")
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ The fit uses the temperature of the wire, not the reading of the thermocouple, a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
@@ -35,7 +36,7 @@ from smadrive.identification.resistance_fit.design import (
     resistance_design,
 )
 from smadrive.numerics.arrays import FloatArray
-from smadrive.numerics.residuals import MEDIAN_SHARE, quantum, samples_per_independent
+from smadrive.numerics.residuals import MEDIAN_SHARE, neighbour_correlation, quantum, samples_per_independent
 from smadrive.wire.identified_resistance import WireResistance, spline_design
 from smadrive.wire.observability import resolution_error
 from smadrive.wire.wire_model import WireModel
@@ -60,6 +61,14 @@ LEAST_CHANGE = 10.0
 
 MOST_NOISE = 0.2
 """Largest noise of the displacement that the resistance of one sample gives, as a share of the stroke."""
+
+MOST_MISFIT = 0.03
+"""Largest error of the fit that neighbouring samples share, as a share of the stroke: it does not average out.
+
+Coarse meters make such an error, too: up to their resolution it is no reason to distrust the fit.
+"""
+
+SAME_TIME = "check that current and voltage are measured at the same time as temperature and displacement"
 
 
 @dataclass(frozen=True)
@@ -90,7 +99,8 @@ def identify_resistance(record: ExcitationRecord, temperature_c: FloatArray, wir
     """Fit the resistance to a record whose wire had the temperatures `temperature_c`, °C.
 
     `wire` gives the travel. IdentificationError for a record without current or voltage, for fewer than `MIN_SAMPLES`
-    samples with current, and for a wire whose resistance hardly changes with the displacement.
+    samples with current, for a wire whose resistance hardly changes with the displacement, and for a resistance that
+    does not follow from temperature and displacement.
     """
     samples = _samples(record, temperature_c, wire)
     reference_c = float(np.mean(samples.temperature_c))
@@ -114,11 +124,13 @@ def identify_resistance(record: ExcitationRecord, temperature_c: FloatArray, wir
             where=FIT,
             value=error.value,
             limit=error.limit,
-            cure="check that current and voltage are measured at the same time as temperature and displacement",
+            cure=SAME_TIME,
         ) from error
     quanta = (quantum(np.unique(column)) for column in (record.current_a, record.voltage_v))
     resolution = resolution_error(wire, resistance, *quanta)
-    return _judged(resistance, design, covariance, linear.residual_v, resolution)
+    fit = _judged(resistance, design, covariance, linear.residual_v, resolution)
+    _check_misfit(fit, linear.residual_v)
+    return fit
 
 
 def _samples(record: ExcitationRecord, temperature_c: FloatArray, wire: WireModel) -> ResistanceSamples:
@@ -190,3 +202,17 @@ def _judged(
     rms_ohm = float(np.sqrt(np.mean((residual_v / samples.current_a) ** 2)))
     change, columns = ends[1] / ends[0] - 1.0, (samples.temperature_c, samples.phase, samples.ohm)
     return ResistanceFit(resistance, within, change, rms_ohm, noise_phase, resolution, *columns)
+
+
+def _check_misfit(fit: ResistanceFit, residual_v: FloatArray) -> None:
+    """Raise IdentificationError if the resistance does not follow from temperature and displacement."""
+    misfit = fit.noise_phase * sqrt(max(neighbour_correlation(residual_v), 0.0))
+    most = max(MOST_MISFIT, fit.resolution)
+    if misfit > most:
+        raise IdentificationError(
+            "the resistance does not follow from temperature and displacement",
+            where=FIT,
+            value=f"{100 * misfit:.1f} % of the stroke apart from noise",
+            limit=f"{100 * most:.2g} %",
+            cure=SAME_TIME,
+        )

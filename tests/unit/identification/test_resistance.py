@@ -8,7 +8,7 @@ import pytest
 from smadrive.errors import IdentificationError, ModelError
 from smadrive.hysteresis import DuhemModel
 from smadrive.identification.excitation import ExcitationRecord
-from smadrive.identification.resistance_fit.fit import identify_resistance
+from smadrive.identification.resistance_fit.fit import MOST_MISFIT, identify_resistance
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.observability import resolution_error
@@ -111,3 +111,10 @@ def test_resistance_that_no_wire_has_is_not_identified():
     with pytest.raises(IdentificationError) as raised:
         identify_resistance(record, record.temperature_c, WIRE)
     assert isinstance(raised.value.__cause__, ModelError)
+
+
+def test_resistance_of_another_time_is_not_identified():
+    record = record_of(delay_s=1.35)
+    with pytest.raises(IdentificationError) as raised:
+        identify_resistance(record, record.temperature_c, WIRE)
+    assert raised.value.limit == f"{100 * MOST_MISFIT:g} %"
