@@ -10,9 +10,10 @@ BY_SENSOR = "the displacement sensor is valid again and used"
 """The texts of the events when the sensor is replaced, fails without a replacement, and is used again."""
 
 RESISTANCE_WRONG = (
-    "warning: the resistance of the wire is wrong and replaces no sensor: check the contacts and the leads"
+    "warning: the resistance of the wire contradicts the displacement sensor, and replaces no sensor: "
+    "check the contacts, the leads, and how the sensor is mounted"
 )
-RESISTANCE_RIGHT = "the resistance of the wire is right again"
+RESISTANCE_RIGHT = "the resistance of the wire agrees with the displacement sensor again"
 """The texts of the events when the resistance begins and ceases to contradict a right sensor."""
 
 

@@ -20,8 +20,7 @@ from smadrive.numerics.arrays import FloatArray
 from smadrive.rig.config import RigConfig
 from smadrive.runs.health.rest_resistance import HeatedSamples, RestResistance, rest_resistance
 from smadrive.runs.log.reader import Log
-from smadrive.runs.metrics.series import rms_and_max
-from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, measured_mm
+from smadrive.runs.metrics.tracking_error import has_setpoint, measured_mm, tracking_percent
 from smadrive.runs.run_metadata import (
     displacement_in_time,
     measures_resistance,
@@ -170,7 +169,7 @@ def _tracking_percent(log: Log) -> tuple[float, float]:
 
     Both are NaN for a tuning session: its references and tunings change, so its error says nothing about the wire.
     """
-    return rms_and_max(error_percent(log)) if has_setpoint(log) else (nan, nan)
+    return tracking_percent(log) if has_setpoint(log) else (nan, nan)
 
 
 def _adapted(log: Log) -> LoopShape | None:

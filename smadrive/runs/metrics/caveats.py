@@ -9,7 +9,13 @@ import numpy as np
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.series import MEASURABLE, of_finite
 from smadrive.runs.metrics.thermocouple_noise import noise_caveats
-from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
+from smadrive.runs.metrics.tracking_error import (
+    MOST_REPLACED,
+    error_percent,
+    has_setpoint,
+    scored_from_s,
+    sensor_replaced,
+)
 from smadrive.runs.run_metadata import nominal_balance, rig_config_of, texts_of, wire_of
 from smadrive.wire.data_sheet import resistance_caveats
 from smadrive.wire.wire_model import travel_mm
@@ -58,16 +64,27 @@ def _resistance_caveats(log: Log) -> tuple[str, ...]:
 def sample_caveats(log: Log) -> tuple[str, ...]:
     """Return the reason why the tracking error is unknown, or known only for a part of the samples, if it is so."""
     log = log.without_trips()
-    error = error_percent(log)[log.column("time_s") >= scored_from_s(log)]
+    is_scored = log.column("time_s") >= scored_from_s(log)
+    error, is_replaced = error_percent(log)[is_scored], sensor_replaced(log)[is_scored] > 0.0
     if error.size == 0:
         return ("the tracking error is unknown: the run ended in its approach, which is not scored",)
-    missing = int(np.count_nonzero(np.isnan(error)))
+    replaced, missing = int(np.count_nonzero(is_replaced)), int(np.count_nonzero(np.isnan(error[~is_replaced])))
     if missing == error.size:
         return ("the tracking error is unknown: no displacement was measured (no working displacement sensor)",)
-    if missing <= FEW_MISSING * error.size:
+    if replaced > MOST_REPLACED * error.size:
+        return (f"the tracking error is unknown: {_replaced_text(replaced / error.size)}",)
+    if missing + replaced <= FEW_MISSING * error.size:
         return ()
-    share = f"{missing} of {error.size} samples of the displacement are missing ({100.0 * missing / error.size:.0f} %)"
-    return (f"{share}: the tracking error is computed from the other samples",)
+    reasons = [] if not replaced else [_replaced_text(replaced / error.size)]
+    if missing:
+        share = f"{100.0 * missing / error.size:.0f} %"
+        reasons.append(f"{missing} of {error.size} samples of the displacement are missing ({share})")
+    return (f"{', and '.join(reasons)}: the tracking error is computed from the other samples",)
+
+
+def _replaced_text(share: float) -> str:
+    why = "because it gave no reading, or readings that contradict the resistance"
+    return f"the displacement sensor was replaced for {100.0 * share:.0f} % of the time, {why}"
 
 
 def _command_caveats(log: Log) -> Iterator[str]:

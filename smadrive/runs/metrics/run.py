@@ -10,8 +10,8 @@ import numpy as np
 from smadrive.control.loop import LATE_FRACTION, LoopMetrics
 from smadrive.errors import DataError
 from smadrive.runs.log.reader import Log
-from smadrive.runs.metrics.series import energy_j, of_finite, rms_and_max
-from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint
+from smadrive.runs.metrics.series import energy_j, of_finite
+from smadrive.runs.metrics.tracking_error import has_setpoint, tracking_percent
 from smadrive.runs.run_metadata import rig_config_of
 
 
@@ -20,7 +20,7 @@ class TrackingMetrics:
     """Metrics of a tracking run. The error is setpoint minus displacement after the approach, in % of the stroke.
 
     RMS and maximum are computed from the measured samples, without one that tripped: it may be invalid. They are NaN
-    when the displacement was never measured.
+    when the displacement was never measured, or its sensor was replaced for most of the run.
     """
 
     rms_percent: float
@@ -36,7 +36,7 @@ def tracking_metrics(log: Log, loop: LoopMetrics) -> TrackingMetrics:
 
     DataError when the log is of another kind of run.
     """
-    rms, largest = rms_and_max(error_percent(log.without_trips()))
+    rms, largest = tracking_percent(log)
     return TrackingMetrics(rms, largest, loop.ticks, loop.missed_deadlines, loop.trips, str(log.path))
 
 
@@ -78,13 +78,14 @@ def run_metrics(log: Log) -> RunMetrics:
     time_s = log.column("time_s")
     if time_s.size == 0:
         raise DataError("no tick was recorded", where=log.path, cure="record the run again")
-    error = error_percent(log.without_trips()) if has_setpoint(log) else np.array([nan])
+    rms_percent, max_percent = tracking_percent(log) if has_setpoint(log) else (nan, nan)
     current_a, voltage_v = log.column_with_gaps("current_a"), log.column_with_gaps("voltage_v")
     return RunMetrics(
         log.kind.value,
         time_s.size,
         float(time_s[-1]),
-        *rms_and_max(error),
+        rms_percent,
+        max_percent,
         _missed_deadlines(log),
         float(log.column("late_s").max()),
         of_finite(np.max, log.column_with_gaps("temperature_c")),

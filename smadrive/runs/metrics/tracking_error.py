@@ -9,8 +9,12 @@ import numpy as np
 from smadrive.measurement import DisplacementFrom
 from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.log.reader import Log
+from smadrive.runs.metrics.series import of_finite, rms_and_max
 from smadrive.runs.run_metadata import reference_of, wire_of
 from smadrive.wire.wire_model import travel_mm
+
+MOST_REPLACED = 0.5
+"""If the sensor was replaced in a larger share of the scored samples, the tracking error of the run is unknown."""
 
 
 def has_setpoint(log: Log) -> bool:
@@ -29,10 +33,10 @@ def measured_mm(log: Log) -> FloatArray:
 
     A sensor is replaced because its readings are wrong.
     """
-    return np.where(_sensor_replaced(log), nan, log.column_with_gaps("displacement_mm"))
+    return np.where(sensor_replaced(log), nan, log.column_with_gaps("displacement_mm"))
 
 
-def _sensor_replaced(log: Log) -> FloatArray:
+def sensor_replaced(log: Log) -> FloatArray:
     """Return 1 for each row in which the displacement sensor was replaced, otherwise 0."""
     if "sensor_replaced" in log.columns:
         return log.column("sensor_replaced")
@@ -50,3 +54,16 @@ def error_percent(log: Log) -> FloatArray:
     error_mm = log.column_with_gaps("setpoint_mm") - measured_mm(log)
     is_scored = log.column("time_s") >= scored_from_s(log)
     return np.where(is_scored, 100.0 * error_mm / travel_mm(wire_of(log).model).stroke_mm, nan)
+
+
+def tracking_percent(log: Log) -> tuple[float, float]:
+    """Return RMS and largest tracking error in % of the stroke, without a sample that tripped.
+
+    Both are NaN if no displacement was measured, and after a run in which the sensor was replaced for more than
+    `MOST_REPLACED`. DataError when the log is not of a run on an identified wire.
+    """
+    log = log.without_trips()
+    is_scored = log.column("time_s") >= scored_from_s(log)
+    if of_finite(np.mean, sensor_replaced(log)[is_scored]) > MOST_REPLACED:
+        return nan, nan
+    return rms_and_max(error_percent(log))

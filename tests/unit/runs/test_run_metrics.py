@@ -45,6 +45,18 @@ def test_error_is_that_of_the_measured_samples(lost, expected):
     assert all(part in caveat for part, caveat in zip(expected, caveats, strict=True))
 
 
+@pytest.mark.parametrize(("replaced", "is_known"), [(2, True), (30, True), (60, False)])
+def test_error_is_unknown_after_a_sensor_was_replaced_for_most_of_the_run(replaced, is_known):
+    log = log_of([])
+    is_replaced = np.arange(APPROACH + 100) >= APPROACH + 100 - replaced
+    log = replace(log, columns={**log.columns, "sensor_replaced": is_replaced.astype(float)})
+    metrics = tracking_metrics(log, LoopMetrics())
+    assert [isnan(metrics.rms_percent), isnan(metrics.max_percent)] == [not is_known] * 2
+    caveats = tracking_caveats(log)
+    assert len(caveats) == (replaced > 2)
+    assert all(f"{replaced} % of the time" in caveat for caveat in caveats)
+
+
 def test_measurement_that_tripped_does_not_count():
     log = log_of([])
     tripped, wrong_mm = np.zeros(APPROACH + 100), log.columns["displacement_mm"].copy()
