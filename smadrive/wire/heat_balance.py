@@ -36,6 +36,9 @@ FRESH, FRESH_PERIODS = 0.25, 1.5
 """A displacement is fresh up to this fraction of the wire's time constant, and at least for this number of periods of
 the loop: then one lost reply of a sensor that is read in every period does not make its displacement old."""
 
+MOST_NOISE_C = 100.0
+"""Largest standard deviation of the noise of a thermocouple, K."""
+
 RESISTANCE_CHANGE = "heat balance: resistance_change"
 
 
@@ -70,6 +73,9 @@ class HeatBalance:
         for name in PARAMETERS:
             if not isfinite(value := getattr(self, name)):
                 raise ModelError("not finite", where=f"heat balance: {name}", value=value)
+        if self.thermocouple_noise_c > MOST_NOISE_C:
+            where, value = "heat balance: thermocouple_noise_c", self.thermocouple_noise_c
+            raise ModelError("more than any thermocouple has", where=where, value=value, limit=MOST_NOISE_C)
         if not self.resistance_change > -1:
             value = self.resistance_change
             raise ModelError("leaves the hot wire without resistance", where=RESISTANCE_CHANGE, value=value, limit=-1)

@@ -63,6 +63,9 @@ NODES_C = -100.0, 600.0
 RATIOS = 0.5, 1.6
 """Least and largest ratio of the resistances of austenite and martensite; alloys have some 0.8 to 1.3."""
 
+MOST_PER_K = 0.02
+"""Largest change of the austenite's resistance over a kelvin, as a share. The R-phase of an alloy makes some 0.005."""
+
 LEAST_CHANGE = 1e-3
 """Least change of the resistance over the stroke, as a share."""
 
@@ -131,6 +134,10 @@ class WireResistance:
             what = "austenite and martensite differ by more than in any alloy"
             limits = f"ratio {low:g} to {high:g}"
             raise ModelError(what, where="resistance: austenite_ohm", value=f"ratio {max(ratios):.3g}", limit=limits)
+        per_k = float(np.max(np.abs(np.diff(self.austenite_ohm) / np.diff(self.nodes_c)))) / self.martensite_ohm
+        if per_k > MOST_PER_K:
+            what, limits = "the austenite changes over a kelvin by more than in any alloy", f"{MOST_PER_K:g} per K"
+            raise ModelError(what, where="resistance: austenite_ohm", value=f"{per_k:.3g} per K", limit=limits)
         if max(abs(ratio - 1.0) for ratio in ratios) < LEAST_CHANGE and self.strain < LEAST_CHANGE:
             what, limits = "the resistance does not depend on the phase", f"a change of {100 * LEAST_CHANGE:g} %"
             raise ModelError(what, where="resistance: austenite_ohm", value=f"ratio {ratios[0]:.6g}", limit=limits)

@@ -33,8 +33,9 @@ ADDED = ("thermocouple_noise_c",)
 METRICS = ("rms_percent", "max_percent")
 """The names of the errors of a fit."""
 
-SAME = 0.25
-"""Largest difference between the resistances of the heat balance and the identified resistance, as a share."""
+SAME, SAME_CHANGE = 0.1, 0.08
+"""Largest differences between the resistance of the heat balance and the identified resistance, as shares: of the cold
+or hot wire, and of the change over the stroke. Both are fitted to the same record."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,7 +67,7 @@ class IdentifiedWire:
             ("identified", f"from {low_c:.4g} to {high_c:.4g} °C"),
             ("stroke", f"{travel_mm(self.model).stroke_mm:.3g} mm"),
         ]
-        if self.metrics:
+        if "rms_percent" in self.metrics:
             facts.append(("RMS error of the fit", f"{self.metrics['rms_percent']:.2f} % of the span"))
         facts.append(self.model.facts()[-1])
         if self.heat_balance is None:
@@ -216,6 +217,7 @@ def check_resistance(resistance: WireResistance, balance: HeatBalance | None) ->
     if balance is not None:
         _check_same("cold", resistance.ohm(balance.ambient_c, 0.0), balance.resistance_ohm(0.0))
         _check_same("hot", resistance.ohm(resistance.nodes_c[-1], 1.0), balance.resistance_ohm(1.0))
+        _check_change(resistance, balance)
 
 
 def _check_same(state: str, ohm: float, balance_ohm: float) -> None:
@@ -224,6 +226,16 @@ def _check_same(state: str, ohm: float, balance_ohm: float) -> None:
         what = f"the resistance of the {state} wire is not that of the heat balance"
         limit = f"{balance_ohm:.4g} Ω ± {100 * SAME:g} %"
         raise ModelError(what, where="resistance", value=f"{ohm:.4g} Ω", limit=limit, cure="identify the wire again")
+
+
+def _check_change(resistance: WireResistance, balance: HeatBalance) -> None:
+    """Raise ModelError if two changes of the resistance over the stroke differ by more than `SAME_CHANGE`."""
+    middle_c = 0.5 * (resistance.nodes_c[0] + resistance.nodes_c[-1])
+    change = resistance.ohm(middle_c, 1.0) / resistance.ohm(middle_c, 0.0) - 1.0
+    if abs(change - balance.resistance_change) > SAME_CHANGE:
+        what = "the change of the resistance over the stroke is not that of the heat balance"
+        value, limit = f"{100 * change:+.3g} %", f"{100 * balance.resistance_change:+.3g} ± {100 * SAME_CHANGE:g} %"
+        raise ModelError(what, where="resistance", value=value, limit=limit, cure="identify the wire again")
 
 
 def _source(parameters: Fields) -> BalanceSource:

@@ -12,6 +12,7 @@ import numpy as np
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import DisplacementFrom, Measurement
+from smadrive.numerics.arrays import FloatArray
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.wire.wire_model import travel_mm
 
@@ -19,7 +20,10 @@ APPROACH_S = 10.0
 """Duration of an approach, in which the setpoint moves from its present value to the beginning of a reference."""
 
 UNSURE = 0.03
-"""Smallest distance of the two branches at a temperature, in strokes, at which a displacement needs a caveat."""
+"""A displacement of a wire at rest that may be wrong by more than this needs a caveat, in strokes."""
+
+WITHIN_C = 2.0
+"""The temperature of a wire at rest may differ from the reading of the thermocouple by this much, K."""
 
 PEAK = 1.875
 """Greatest speed of a minimum-jerk path, 15/8 of its mean speed."""
@@ -41,21 +45,38 @@ def resting_mm(model: HysteresisModel, measurement: Measurement, source: Displac
 
 
 def resting_caveats(model: HysteresisModel, measurement: Measurement, source: DisplacementFrom) -> tuple[str, ...]:
-    """Return a caveat if `resting_mm` may be wrong because nothing measures the displacement of a warm wire.
+    """Return a caveat if `resting_mm` may be wrong: its sensor has a wrong zero, or nothing measures a warm wire.
 
-    The wire is on the cooling branch if it still cools, and `resting_mm` assumes the heating branch. A resistance
-    measures the displacement as soon as current flows, so there is no caveat if it is the source.
+    Without a sensor the wire is on the cooling branch if it still cools, and `resting_mm` assumes the heating branch. A
+    resistance measures the displacement as soon as current flows, so there is no caveat if it is the source.
     """
-    is_measured = source is DisplacementFrom.SENSOR and isfinite(measurement.displacement_mm)
-    if is_measured or source is DisplacementFrom.RESISTANCE:
+    if source is DisplacementFrom.RESISTANCE:
         return ()
-    at_c = np.array([measurement.temperature_c])
-    heating, cooling = (float(model.branch(at_c, rising=rising)[0]) for rising in (True, False))
-    wrong_mm = abs(model.scale * (cooling - heating))
+    if source is DisplacementFrom.SENSOR and isfinite(measurement.displacement_mm):
+        return _zero_caveats(model, measurement)
+    wrong_mm = float(np.ptp(_branches_mm(model, [measurement.temperature_c])))
     if not wrong_mm > UNSURE * travel_mm(model).stroke_mm:
         return ()
     warm = f"the wire is still at {measurement.temperature_c:.0f} °C, and its displacement is not measured"
     return (f"{warm}: the displacement at the start may be wrong by up to {wrong_mm:.2g} mm; let the wire cool first",)
+
+
+def _zero_caveats(model: HysteresisModel, measurement: Measurement) -> tuple[str, ...]:
+    """Return a caveat if the measured displacement is outside the loop of the model at this temperature."""
+    reading_c, displacement_mm = measurement.temperature_c, measurement.displacement_mm
+    ends_mm = _branches_mm(model, [reading_c - WITHIN_C, reading_c + WITHIN_C])
+    low_mm, high_mm = float(ends_mm.min()), float(ends_mm.max())
+    if not max(low_mm - displacement_mm, displacement_mm - high_mm) > UNSURE * travel_mm(model).stroke_mm:
+        return ()
+    shown = f"the displacement sensor shows {displacement_mm:.3g} mm at {reading_c:.0f} °C"
+    by_model = f"where the model has {low_mm:.3g} to {high_mm:.3g} mm"
+    return (f"{shown}, {by_model}: check the zero and the mount of the sensor, or identify the wire again",)
+
+
+def _branches_mm(model: HysteresisModel, temperatures_c: list[float]) -> FloatArray:
+    """Return the displacements of both branches at these temperatures, mm, (2, temperatures)."""
+    at_c = np.array(temperatures_c)
+    return model.offset + model.scale * np.array([model.branch(at_c, rising=rising) for rising in (True, False)])
 
 
 def holding_reference(model: HysteresisModel, measurement: Measurement, source: DisplacementFrom) -> Reference:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import isfinite, nan
 from typing import Annotated, Any, NamedTuple
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 IDENTIFICATION = "identification"
 """The `kind` of an entry that describes an identification. Every other kind is the kind of a run."""
@@ -65,7 +65,7 @@ class HealthEntry(BaseModel):
     kind: str
     begun: str
     model: str
-    cycles: float = 0.0
+    cycles: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
     log: str = ""
     tripped: bool = False
     rest_ohm: Estimate = Estimate()

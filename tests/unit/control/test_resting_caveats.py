@@ -1,4 +1,4 @@
-"""A warm wire whose displacement is not measured: the caveat says how wrong the assumed displacement may be."""
+"""A wire at rest: a caveat says that its displacement is not measured, or that the sensor has a wrong zero."""
 
 from math import nan
 
@@ -36,3 +36,11 @@ def test_caveat_names_the_distance_of_the_branches():
 )
 def test_no_caveat_where_sensor_or_resistance_measures(source, displacement_mm):
     assert caveats(75.0, source, displacement_mm) == ()
+
+
+COLD, HOT = [(22.0, 0.0, 0), (22.0, 0.3, 0), (22.0, 0.7, 1), (22.0, -1.0, 1)], [(130.0, 12.0, 0), (130.0, 11.0, 1)]
+
+
+@pytest.mark.parametrize(("temperature_c", "displacement_mm", "count"), [*COLD, (75.0, 6.0, 0), *HOT])
+def test_sensor_outside_the_loop_has_a_wrong_zero(temperature_c, displacement_mm, count):
+    assert len(caveats(temperature_c, DisplacementFrom.SENSOR, displacement_mm)) == count

@@ -69,6 +69,13 @@ def test_impossible_parameters_are_named(name, value):
     assert raised.value.where == f"resistance: {name}"
 
 
+def test_austenite_that_jumps_between_two_nodes_is_named():
+    jumping = dataclasses.replace(RESISTANCE, austenite_ohm=tuple(14.5 + 2.0 * (n % 2) for n in range(len(NODES))))
+    with pytest.raises(ModelError) as raised:
+        jumping.check_change()
+    assert raised.value.where == "resistance: austenite_ohm"
+
+
 @pytest.mark.parametrize("factor", [0.4, 2.0, 17.0 / 14.5])
 def test_resistance_that_no_alloy_has_or_that_does_not_change_is_named(factor):
     austenite_ohm = tuple(factor * 14.5 for _ in NODES)

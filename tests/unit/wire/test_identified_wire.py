@@ -130,6 +130,7 @@ def test_caveats_of_another_shape_are_rejected(path, caveats):
         ({"ambient_c": None}, "provenance: heat_balance: ambient_c"),
         ({"loss_w_per_k": True}, "provenance: heat_balance: loss_w_per_k"),
         ({"loss_w_per_k": -1.0}, "heat balance: loss_w_per_k"),
+        ({"thermocouple_noise_c": 1e9}, "heat balance: thermocouple_noise_c"),
         ({"colour": 1.0}, "provenance: heat_balance: colour"),
     ],
 )
@@ -157,6 +158,11 @@ def test_resistance_is_kept_in_file_and_log(tmp_path):
     assert wire.wire_model().resistance == RESISTANCE
 
 
+def test_wire_with_one_metric_is_shown(path):
+    IdentifiedWire(MODEL, metrics={"max_percent": 1.0}).save(path)
+    assert "fit" not in repr(load_wire(path))
+
+
 def test_file_of_version_2_has_no_resistance(tmp_path):
     path = tmp_path / "wire.json"
     WIRE.save(path)
@@ -180,6 +186,17 @@ def test_wrong_resistance_in_a_file_is_named(tmp_path, key, value):
         load_wire(path)
     assert str(path) in raised.value.where
     assert key in raised.value.where
+
+
+@pytest.mark.parametrize("strain", [0.0, 0.15])
+def test_change_of_another_wire_is_refused(tmp_path, strain):
+    """The resistance of the heat balance rises by 10 % over the stroke."""
+    path = tmp_path / "wire.json"
+    falling = replace(RESISTANCE, strain=strain, austenite_ohm=(9.9, 10.1, 10.3) if not strain else (13.4, 13.8, 14.2))
+    replace(WIRE, resistance=falling).save(path)
+    with pytest.raises(ModelError) as raised:
+        load_wire(path)
+    assert raised.value.where.startswith(f"{path}: resistance")
 
 
 @pytest.mark.parametrize("factor", [1e-3, 0.6, 1.5])

@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from math import isnan
+from math import inf, isnan, nan
 
 import pytest
 
@@ -69,6 +69,13 @@ def test_damaged_line_is_left_out(wire_file, damaged):
     append_entries(wire_file, [RUN, RUN])
     first, last = lines_of(wire_file)
     health_file(wire_file).write_bytes(first + damaged + b"\n" + last)
+    record = read_health(wire_file)
+    assert (len(record.entries), len(record.caveats)) == (2, 1)
+
+
+@pytest.mark.parametrize("cycles", [nan, inf, -1.0])
+def test_entry_with_an_impossible_number_of_cycles_is_left_out(wire_file, cycles):
+    append_entries(wire_file, [RUN, RUN.model_copy(update={"cycles": cycles}), RUN])
     record = read_health(wire_file)
     assert (len(record.entries), len(record.caveats)) == (2, 1)
 
