@@ -34,7 +34,7 @@ def tracking_caveats(log: Log) -> tuple[str, ...]:
 
 def measured_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust a sensor or the wire file, found in the measurements of any run."""
-    return (*_noise_caveats(log), *_resistance_caveats(log))
+    return (*_noise_caveats(log), *_resistance_caveats(log), *_contradiction_caveats(log))
 
 
 def run_caveats(log: Log) -> tuple[str, ...]:
@@ -59,6 +59,15 @@ def _resistance_caveats(log: Log) -> tuple[str, ...]:
     current_a, voltage_v = log.column_with_gaps("current_a"), log.column_with_gaps("voltage_v")
     flows = current_a >= MEASURABLE * rig_config_of(log).limits.current_max_a
     return resistance_caveats(of_finite(np.median, voltage_v[flows] / current_a[flows]), nominal_balance(log))
+
+
+def _contradiction_caveats(log: Log) -> tuple[str, ...]:
+    """Return a caveat if sensor and resistance contradicted each other, and the sensor remained the source."""
+    share = of_finite(np.mean, log.column("resistance_wrong")) if "resistance_wrong" in log.columns else 0.0
+    if not share > FEW_MISSING:
+        return ()
+    when = f"for {100.0 * share:.0f} % of the time the resistance of the wire contradicted the displacement sensor"
+    return (f"{when}, and one of them is wrong: check how the sensor is mounted, the contacts and the leads",)
 
 
 def sample_caveats(log: Log) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ import pytest
 from smadrive.control.loop import LoopMetrics
 from smadrive.hysteresis import DuhemModel
 from smadrive.runs.log.reader import Log
-from smadrive.runs.metrics.caveats import tracking_caveats
+from smadrive.runs.metrics.caveats import measured_caveats, tracking_caveats
 from smadrive.runs.metrics.run import tracking_metrics
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -55,6 +55,14 @@ def test_error_is_unknown_after_a_sensor_was_replaced_for_most_of_the_run(replac
     caveats = tracking_caveats(log)
     assert len(caveats) == (replaced > 2)
     assert all(f"{replaced} % of the time" in caveat for caveat in caveats)
+
+
+@pytest.mark.parametrize(("contradicting", "count"), [(0, 0), (2, 0), (60, 1)])
+def test_resistance_that_contradicted_the_sensor_is_a_caveat(contradicting, count):
+    log = log_of([])
+    is_wrong = np.arange(APPROACH + 100) < contradicting
+    log = replace(log, columns={**log.columns, "resistance_wrong": is_wrong.astype(float)})
+    assert len(measured_caveats(log)) == count
 
 
 def test_measurement_that_tripped_does_not_count():
