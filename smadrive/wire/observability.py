@@ -128,6 +128,14 @@ def resolution_error(wire: WireModel, resistance: WireResistance, quantum_a: flo
     return share * ohm / abs(resistance.ohm_per_phase(temperature_c, 0.5))
 
 
+def resolution_text(measured: str, error: float) -> tuple[str, ...]:
+    """Return a sentence with the error by the resolution of `measured`, in strokes; none below `COARSE`."""
+    if error < COARSE:
+        return ()
+    effect = "makes the displacement by the resistance wrong by up to"
+    return (f"the resolution of {measured} alone {effect} {100 * error:.1f} % of the stroke",)
+
+
 def sense_text(wire: WireModel, resistance: WireResistance) -> str:
     """Return a sentence with the sense current, its heat as a share of the heat loss, and the noise of one sample.
 

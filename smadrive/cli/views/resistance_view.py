@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 
 from smadrive.runs.record_fit import RecordFit
-from smadrive.wire.observability import COARSE, TOO_COARSE, lead_text, lost_text, sense_text
+from smadrive.wire.observability import TOO_COARSE, lead_text, lost_text, resolution_text, sense_text
 from smadrive.wire.wire_model import WireModel
 
 
@@ -49,11 +49,8 @@ def resistance_sentences(record: RecordFit) -> tuple[str, ...]:
 
 def _resolution_texts(error: float) -> tuple[str, ...]:
     """Return a sentence if the resolution of current and voltage limits the displacement by the resistance."""
-    if error < COARSE:
-        return ()
-    wrong = f"the resolution of current and voltage makes the displacement wrong by up to {100 * error:.1f} %"
-    refused = ", so a run by resistance is refused on this rig" if error > TOO_COARSE else ""
-    return (f"{wrong} of the stroke{refused}",)
+    texts = resolution_text("current and voltage", error)
+    return (f"{texts[0]}, so these meters allow no run by resistance",) if error > TOO_COARSE else texts
 
 
 def resistance_result(record: RecordFit) -> dict[str, object] | None:

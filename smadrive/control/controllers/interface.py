@@ -26,7 +26,7 @@ class Command(NamedTuple):
     by_resistance_sd_mm   standard deviation of the displacement by the resistance, mm
     uses_resistance       1 while the resistance is the source of the displacement, otherwise 0
     sensor_replaced       1 while the displacement sensor is not the source because its readings are wrong or missing
-    resistance_wrong      1 while the resistance contradicts a right displacement sensor, otherwise 0
+    resistance_wrong      1 while the resistance contradicts the displacement sensor, which is used, otherwise 0
     """
 
     commanded_a: float

@@ -12,7 +12,6 @@ import numpy as np
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import DisplacementFrom, Measurement
-from smadrive.numerics.arrays import FloatArray
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.wire.wire_model import travel_mm
 
@@ -54,7 +53,9 @@ def resting_caveats(model: HysteresisModel, measurement: Measurement, source: Di
         return ()
     if source is DisplacementFrom.SENSOR and isfinite(measurement.displacement_mm):
         return _zero_caveats(model, measurement)
-    wrong_mm = float(np.ptp(_branches_mm(model, [measurement.temperature_c])))
+    at_c = np.array([measurement.temperature_c])
+    heating, cooling = (float(model.branch(at_c, rising=rising)[0]) for rising in (True, False))
+    wrong_mm = abs(model.scale * (cooling - heating))
     if not wrong_mm > UNSURE * travel_mm(model).stroke_mm:
         return ()
     warm = f"the wire is still at {measurement.temperature_c:.0f} °C, and its displacement is not measured"
@@ -63,20 +64,14 @@ def resting_caveats(model: HysteresisModel, measurement: Measurement, source: Di
 
 def _zero_caveats(model: HysteresisModel, measurement: Measurement) -> tuple[str, ...]:
     """Return a caveat if the measured displacement is outside the loop of the model at this temperature."""
-    reading_c, displacement_mm = measurement.temperature_c, measurement.displacement_mm
-    ends_mm = _branches_mm(model, [reading_c - WITHIN_C, reading_c + WITHIN_C])
-    low_mm, high_mm = float(ends_mm.min()), float(ends_mm.max())
-    if not max(low_mm - displacement_mm, displacement_mm - high_mm) > UNSURE * travel_mm(model).stroke_mm:
+    reading_c, displacement_mm, band = measurement.temperature_c, measurement.displacement_mm, DisplacementBand(model)
+    ends_c = (reading_c - WITHIN_C, reading_c + WITHIN_C)
+    outside_mm = min(abs(displacement_mm - band.nearest_mm(one_c, displacement_mm)) for one_c in ends_c)
+    if not outside_mm > UNSURE * travel_mm(model).stroke_mm:
         return ()
     shown = f"the displacement sensor shows {displacement_mm:.3g} mm at {reading_c:.0f} °C"
-    by_model = f"where the model has {low_mm:.3g} to {high_mm:.3g} mm"
-    return (f"{shown}, {by_model}: check the zero and the mount of the sensor, or identify the wire again",)
-
-
-def _branches_mm(model: HysteresisModel, temperatures_c: list[float]) -> FloatArray:
-    """Return the displacements of both branches at these temperatures, mm, (2, temperatures)."""
-    at_c = np.array(temperatures_c)
-    return model.offset + model.scale * np.array([model.branch(at_c, rising=rising) for rising in (True, False)])
+    loop = f"which is {outside_mm:.2g} mm outside the loop of the model"
+    return (f"{shown}, {loop}: check the zero and the mount of the sensor, or identify the wire again",)
 
 
 def holding_reference(model: HysteresisModel, measurement: Measurement, source: DisplacementFrom) -> Reference:

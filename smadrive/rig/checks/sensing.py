@@ -20,7 +20,7 @@ from smadrive.measurement import DisplacementFrom
 from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.supervision import WireChecks
 from smadrive.wire.identified_resistance import WireResistance
-from smadrive.wire.observability import COARSE, TOO_COARSE, cold_c, lost_text, resolution_error
+from smadrive.wire.observability import TOO_COARSE, cold_c, lost_text, resolution_error, resolution_text
 from smadrive.wire.wire_model import WireModel
 
 KEY = "displacement_from"
@@ -122,11 +122,7 @@ def resolution(profile: Profile) -> tuple[float, float]:
 
 
 def _resolution_caveats(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> tuple[str, ...]:
-    error = resolution_error(wire, resistance, *resolution(source.profile))
-    if error < COARSE:
-        return ()
-    effect = "makes the displacement by the resistance wrong by up to"
-    return (f"the resolution of {source.where} alone {effect} {100 * error:.1f} % of the stroke",)
+    return resolution_text(source.where, resolution_error(wire, resistance, *resolution(source.profile)))
 
 
 def _lead_caveats(wire: WireModel, resistance: WireResistance, temperature_c: float) -> tuple[str, ...]:

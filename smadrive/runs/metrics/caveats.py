@@ -13,8 +13,8 @@ from smadrive.runs.metrics.tracking_error import (
     MOST_REPLACED,
     error_percent,
     has_setpoint,
+    replaced_share,
     scored_from_s,
-    sensor_replaced,
 )
 from smadrive.runs.run_metadata import nominal_balance, rig_config_of, texts_of, wire_of
 from smadrive.wire.data_sheet import resistance_caveats
@@ -73,19 +73,18 @@ def _contradiction_caveats(log: Log) -> tuple[str, ...]:
 def sample_caveats(log: Log) -> tuple[str, ...]:
     """Return the reason why the tracking error is unknown, or known only for a part of the samples, if it is so."""
     log = log.without_trips()
-    is_scored = log.column("time_s") >= scored_from_s(log)
-    error, is_replaced = error_percent(log)[is_scored], sensor_replaced(log)[is_scored] > 0.0
+    error = error_percent(log)[log.column("time_s") >= scored_from_s(log)]
     if error.size == 0:
         return ("the tracking error is unknown: the run ended in its approach, which is not scored",)
-    replaced, missing = int(np.count_nonzero(is_replaced)), int(np.count_nonzero(np.isnan(error[~is_replaced])))
-    if missing == error.size:
+    replaced, unknown = replaced_share(log), int(np.count_nonzero(np.isnan(error)))
+    if replaced > MOST_REPLACED:
+        return (f"the tracking error is unknown: {_replaced_text(replaced)}",)
+    if unknown == error.size:
         return ("the tracking error is unknown: no displacement was measured (no working displacement sensor)",)
-    if replaced > MOST_REPLACED * error.size:
-        return (f"the tracking error is unknown: {_replaced_text(replaced / error.size)}",)
-    if missing + replaced <= FEW_MISSING * error.size:
+    if unknown <= FEW_MISSING * error.size:
         return ()
-    reasons = [] if not replaced else [_replaced_text(replaced / error.size)]
-    if missing:
+    reasons = [_replaced_text(replaced)] if replaced else []
+    if missing := unknown - round(replaced * error.size):
         share = f"{100.0 * missing / error.size:.0f} %"
         reasons.append(f"{missing} of {error.size} samples of the displacement are missing ({share})")
     return (f"{', and '.join(reasons)}: the tracking error is computed from the other samples",)

@@ -33,16 +33,21 @@ def measured_mm(log: Log) -> FloatArray:
 
     A sensor is replaced because its readings are wrong.
     """
-    return np.where(sensor_replaced(log), nan, log.column_with_gaps("displacement_mm"))
+    return np.where(_sensor_replaced(log), nan, log.column_with_gaps("displacement_mm"))
 
 
-def sensor_replaced(log: Log) -> FloatArray:
+def _sensor_replaced(log: Log) -> FloatArray:
     """Return 1 for each row in which the displacement sensor was replaced, otherwise 0."""
     if "sensor_replaced" in log.columns:
         return log.column("sensor_replaced")
     if "uses_resistance" in log.columns and log.metadata.get("displacement_from") == DisplacementFrom.SENSOR:
         return log.column("uses_resistance")  # an older log
     return np.zeros(log.column("time_s").size)
+
+
+def replaced_share(log: Log) -> float:
+    """Return the share of the scored samples in which the sensor was replaced; NaN if no sample is scored."""
+    return of_finite(np.mean, _sensor_replaced(log)[log.column("time_s") >= scored_from_s(log)])
 
 
 def error_percent(log: Log) -> FloatArray:
@@ -63,7 +68,4 @@ def tracking_percent(log: Log) -> tuple[float, float]:
     `MOST_REPLACED`. DataError when the log is not of a run on an identified wire.
     """
     log = log.without_trips()
-    is_scored = log.column("time_s") >= scored_from_s(log)
-    if of_finite(np.mean, sensor_replaced(log)[is_scored]) > MOST_REPLACED:
-        return nan, nan
-    return rms_and_max(error_percent(log))
+    return (nan, nan) if replaced_share(log) > MOST_REPLACED else rms_and_max(error_percent(log))

@@ -57,6 +57,14 @@ def test_error_is_unknown_after_a_sensor_was_replaced_for_most_of_the_run(replac
     assert all(f"{replaced} % of the time" in caveat for caveat in caveats)
 
 
+def test_error_is_unknown_if_every_sample_is_replaced_or_missing():
+    log = log_of(range(60))
+    is_replaced = np.arange(APPROACH + 100) >= APPROACH + 60
+    log = replace(log, columns={**log.columns, "sensor_replaced": is_replaced.astype(float)})
+    assert isnan(tracking_metrics(log, LoopMetrics()).rms_percent)
+    assert "unknown" in tracking_caveats(log)[0]
+
+
 @pytest.mark.parametrize(("contradicting", "count"), [(0, 0), (2, 0), (60, 1)])
 def test_resistance_that_contradicted_the_sensor_is_a_caveat(contradicting, count):
     log = log_of([])

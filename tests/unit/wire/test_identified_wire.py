@@ -188,11 +188,11 @@ def test_wrong_resistance_in_a_file_is_named(tmp_path, key, value):
     assert key in raised.value.where
 
 
-@pytest.mark.parametrize("strain", [0.0, 0.15])
-def test_change_of_another_wire_is_refused(tmp_path, strain):
+@pytest.mark.parametrize(("strain", "austenite_ohm"), [(0.0, (9.9, 10.1, 10.3)), (0.15, (13.4, 13.8, 14.2))])
+def test_change_of_another_wire_is_refused(tmp_path, strain, austenite_ohm):
     """The resistance of the heat balance rises by 10 % over the stroke."""
     path = tmp_path / "wire.json"
-    falling = replace(RESISTANCE, strain=strain, austenite_ohm=(9.9, 10.1, 10.3) if not strain else (13.4, 13.8, 14.2))
+    falling = replace(RESISTANCE, strain=strain, austenite_ohm=austenite_ohm)
     replace(WIRE, resistance=falling).save(path)
     with pytest.raises(ModelError) as raised:
         load_wire(path)
