@@ -25,7 +25,8 @@ from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.continuation import continuation_of
-from smadrive.runs.cycling.cycles import CYCLE_HEADER, Cycling, cycle_rows, cycles_of, cycling_of, thinned
+from smadrive.runs.cycling.cycle_table import CYCLE_HEADER, cycle_rows, thinned
+from smadrive.runs.cycling.cycles import Cycling, cycles_of, cycling_of
 from smadrive.runs.experiments import read_reference, track
 from smadrive.runs.health.recording import health_recorded
 from smadrive.runs.log.reader import Log, read_log

@@ -75,7 +75,12 @@ class PlannedDevice:
         return HeaterBoard if self.profile.profile.role == "heater" else BenchSupply
 
     def measures(self, quantity: str) -> bool:
-        """Return True if the rig takes `quantity` from this device; ConfigError if the device cannot measure it."""
+        """Return True if the rig takes `quantity` from this device; ConfigError if the device cannot measure it.
+
+        The resistance of the wire follows from current and voltage of the device that heats.
+        """
+        if quantity == "resistance":
+            return self.heats and self.profile.roles.measure_resistance
         has_register = getattr(self.profile.roles, quantity) is not None
         if self.config.measures is None:
             return has_register

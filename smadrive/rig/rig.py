@@ -106,7 +106,7 @@ class Rig:
         self._on_exit.__exit__(kind, error, trace)
 
     def measures(self, quantity: str) -> bool:
-        """Return True if a device of the rig measures `quantity`, "temperature" or "displacement"."""
+        """Return True if a device measures `quantity`: "temperature", "displacement" or "resistance"."""
         return any(device.measures(quantity) for device in self._plan.devices)
 
     @property

@@ -26,7 +26,7 @@ from smadrive.rig.controllers import step_controller
 from smadrive.rig.ports.board_calibration import board_constants
 from smadrive.rig.rig import Rig
 from smadrive.rig.supervision import wire_checks
-from smadrive.runs.cycling.cycles import CycleEvents
+from smadrive.runs.cycling.cycles import CycleEvents, least_current_a
 from smadrive.runs.health.assessment import expected_of, wire_file_of
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_log import (
@@ -151,8 +151,9 @@ def track(
     ):
         if plan.cycling is None:
             return rig.track(plan.nearest, wire, inverse, record, plan.expected, source)
-        travel, current_max_a = travel_mm(wire.model), rig.config.limits.current_max_a
-        cycles = CycleEvents(recorder.event, plan.nearest, plan.cycling, travel, current_max_a)
+        limit_a, is_measured = rig.config.limits.current_max_a, rig.measures("resistance")
+        least_a = least_current_a(limit_a, measures_resistance=is_measured)
+        cycles = CycleEvents(recorder.event, plan.nearest, plan.cycling, travel_mm(wire.model), least_a)
 
         def record_cycles(tick: Tick) -> None:
             cycles.tick(tick)

@@ -158,7 +158,8 @@ def plan_tracking(
             followed.check(limit_c, smooth=smooth, smooth_option=smooth_option)
     changed = (SMOOTHED_AGAIN,) if continues and not simulated.feasible else ()
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
-    sensing = *rig.check_sensing(in_file, chosen, start.temperature_c), *resting_caveats(wire.model, measured, chosen)
+    check = rig.check_sensing if displacement_from is None else rig.check_chosen
+    sensing = *check(in_file, chosen, start.temperature_c), *resting_caveats(wire.model, measured, chosen)
     of_the_model = *_caveats_of(identified), *_memory_caveats(identified, followed)
     held_back = derating_caveats(followed.hottest_c, limit_c)
     caveats = *simulated.caveats, *changed, *held_back, *of_the_model, *not_adapted, *sensing

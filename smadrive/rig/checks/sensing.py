@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from smadrive.devices.profile.profile import Profile
-from smadrive.devices.profile.schema import Roles
+from smadrive.devices.profile.schema import Head, Roles
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import distinct
 from smadrive.measurement import DisplacementFrom
@@ -68,13 +68,13 @@ def usable_wire(wire: WireModel, source: PlannedDevice) -> WireModel:
 
 def usable_checks(checks: WireChecks, source: PlannedDevice) -> WireChecks:
     """Return the checks of the wire without those that need a resistance that `source` cannot measure."""
-    expected = checks.expected if source.profile.roles.measure_resistance else None
+    expected = checks.expected if source.measures("resistance") else None
     return checks._replace(wire=usable_wire(checks.wire, source), expected=expected)
 
 
 def measures_resistance_by(profile: Mapping[str, Any]) -> bool:
-    """Return True if a device with this profile, as a log holds it, measures current and voltage."""
-    return Roles(**profile["roles"]).measure_resistance
+    """Return True if a device with this profile, as a log holds it, heats and measures current and voltage."""
+    return Head(**profile["profile"]).heats and Roles(**profile["roles"]).measure_resistance
 
 
 def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
@@ -90,7 +90,7 @@ def check_sensor(chosen: DisplacementFrom, *, is_measured: bool) -> None:
 
 def _unusable(source: PlannedDevice, wire: WireModel, resistance: WireResistance) -> ConfigError | None:
     """Return the reason why `source` cannot measure the resistance of the wire, as an error; None if it can."""
-    if not source.profile.roles.measure_resistance:
+    if not source.measures("resistance"):
         return ConfigError(
             f"'{source.config.profile}' does not measure current and voltage, so the resistance is unknown",
             where=source.where,

@@ -35,7 +35,8 @@ class Continuation(NamedTuple):
     """The data for the rest of a cycling run. `reference` is one cycle, without the approach.
 
     `caveats` has a warning for each difference from the previous part: of the rig file, and of the source of the
-    displacement. `displacement_from` is None if no source was chosen and the log names none.
+    displacement. `displacement_from` is None if no source was chosen, and the log names
+    none or the one of the rig file.
     """
 
     reference: Reference
@@ -67,7 +68,8 @@ def continuation_of(path: Path, config: RigConfig, chosen: DisplacementFrom | No
         wire = replace(wire, source=log.metadata[WIRE_FILE])
     before = displacement_source_of(log)
     caveats = *_differences(log, config), *_source_caveats(path, before, chosen)
-    return Continuation(one_cycle(reference_of(log)), wire, rest, caveats, chosen or before)
+    kept = None if before is config.displacement_from else before
+    return Continuation(one_cycle(reference_of(log)), wire, rest, caveats, chosen or kept)
 
 
 def one_cycle(reference: Reference) -> Reference:

@@ -2,16 +2,16 @@
 
 A cycle is one repetition of the reference. A continuation goes on with the numbers of the previous part, and its log
 holds the metrics of all earlier cycles. The resistance at rest is measured near the cold end of the reference, from
-samples with enough current; it includes leads and clamps.
+samples with enough current; it includes leads and clamps. It is unknown if the heat source computes the voltage.
 """
 
 from __future__ import annotations
 
 import json
 from array import array
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from math import nan
+from math import inf, nan
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.series import MEASURABLE, energy_j, of_finite, rms_and_max
 from smadrive.runs.metrics.tracking_error import measured_mm
-from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
+from smadrive.runs.run_metadata import measures_resistance, reference_of, rig_config_of, wire_of
 from smadrive.wire.wire_model import Travel, travel_mm
 
 REST_SHARE = 0.05
@@ -120,7 +120,7 @@ def cycles_of(log: Log) -> list[CycleMetrics]:
 class CycleEvents:
     """Writes an event after each cycle of a run. Call `tick` with every tick, `finish` after a complete run.
 
-    `write` takes the text of an event. `travel` is that of the wire's model.
+    `write` takes the text of an event. `travel` is that of the wire's model; see also `least_current_a`.
     """
 
     def __init__(
@@ -129,13 +129,13 @@ class CycleEvents:
         reference: Reference,
         cycling: Cycling,
         travel: Travel,
-        current_max_a: float,
+        least_current_a: float,
     ) -> None:
         self._write = write
         self._reference = reference
         self._first = len(cycling.before) + 1
         self._travel = travel
-        self._current_max_a = current_max_a
+        self._least_current_a = least_current_a
         self._number = 0
         self._values = array("d")  # turns into rows without a copy, so that a long cycle makes no tick late
 
@@ -154,12 +154,17 @@ class CycleEvents:
         """Write the event of the cycle that has ended."""
         if self._values:
             rows = np.frombuffer(self._values).reshape(-1, len(COLUMNS_OF_A_CYCLE))
-            metrics = metrics_of(self._first + self._number, rows, self._travel, self._current_max_a)
+            metrics = metrics_of(self._first + self._number, rows, self._travel, self._least_current_a)
             self._write(metrics.event_text())
             self._values = array("d")
 
 
-def metrics_of(number: int, rows: FloatArray, travel: Travel, current_max_a: float) -> CycleMetrics:
+def least_current_a(current_max_a: float, *, measures_resistance: bool) -> float:
+    """Return the least current with which voltage and current give the resistance, A; inf if they are not measured."""
+    return MEASURABLE * current_max_a if measures_resistance else inf
+
+
+def metrics_of(number: int, rows: FloatArray, travel: Travel, least_current_a: float) -> CycleMetrics:
     """Return the metrics of the cycle `number`. `travel` is that of the wire's model.
 
     `rows` has one row for each sample, with the columns `COLUMNS_OF_A_CYCLE`.
@@ -168,7 +173,7 @@ def metrics_of(number: int, rows: FloatArray, travel: Travel, current_max_a: flo
     error = 100.0 * (setpoint_mm - displacement_mm) / travel.stroke_mm
     height = setpoint_mm if travel.hot_mm > travel.cold_mm else -setpoint_mm
     is_rest = height <= height.min() + REST_SHARE * np.ptp(height)
-    is_rest &= current_a >= MEASURABLE * current_max_a
+    is_rest &= current_a >= least_current_a
     rest_ohm = (voltage_v / np.where(is_rest, current_a, 1.0))[is_rest]
     rest_ohm = rest_ohm[np.isfinite(rest_ohm)]
     return CycleMetrics(
@@ -181,40 +186,13 @@ def metrics_of(number: int, rows: FloatArray, travel: Travel, current_max_a: flo
     )
 
 
-def cycle_rows(cycles: Iterable[CycleMetrics]) -> list[tuple[str, ...]]:
-    """Return one row of texts for each cycle, with the columns of `CYCLE_HEADER`."""
-    return [
-        (
-            str(one.cycle),
-            *(
-                f"{value:.{digits}f}" if np.isfinite(value) else "–"
-                for value, digits in (
-                    (one.stroke_mm, 3),
-                    (one.rms_percent, 2),
-                    (one.max_percent, 2),
-                    (one.rest_ohm, 3),
-                    (one.energy_j, 1),
-                    (one.temperature_max_c, 1),
-                )
-            ),
-        )
-        for one in cycles
-    ]
-
-
-CYCLE_HEADER = ("cycle", "stroke / mm", "RMS error / %", "largest / %", "at rest / Ω", "energy / J", "highest / °C")
-
-
-def thinned(cycles: list[CycleMetrics], most: int) -> list[CycleMetrics]:
-    """Return at most `most` of the cycles, evenly spaced, with the first and the last one."""
-    if len(cycles) <= most:
-        return cycles
-    return [cycles[n] for n in np.unique(np.linspace(0, len(cycles) - 1, most).round().astype(int))]
-
-
 def _measure_of(log: Log) -> Callable[[int, FloatArray], CycleMetrics]:
-    travel, current_max_a = travel_mm(wire_of(log).model), rig_config_of(log).limits.current_max_a
-    return lambda number, rows: metrics_of(number, rows, travel, current_max_a)
+    limit_a = rig_config_of(log).limits.current_max_a
+    travel, least_a = (
+        travel_mm(wire_of(log).model),
+        least_current_a(limit_a, measures_resistance=measures_resistance(log)),
+    )
+    return lambda number, rows: metrics_of(number, rows, travel, least_a)
 
 
 def _numbers(reference: Reference, time_s: FloatArray) -> NDArray[np.int64]:

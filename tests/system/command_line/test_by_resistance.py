@@ -1,7 +1,7 @@
 """`run --displacement-from resistance`: the run, its log and its replay; and the requests that are refused."""
 
 import json
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -108,6 +108,19 @@ def test_wire_without_resistance_is_refused(tmp_path):
             displacement_from=DisplacementFrom.RESISTANCE,
         )
     assert raised.value.where == "displacement_from"
+
+
+@pytest.mark.parametrize("chosen", [None, DisplacementFrom.SENSOR])
+def test_sensor_that_the_rig_lacks_is_refused_only_if_the_user_chooses_it(chosen):
+    config = load_rig("in-process")
+    devices = [device.model_copy(update={"measures": ["temperature"]}) for device in config.devices]
+    options = {"smooth": True, "smooth_option": "--smooth", "displacement_from": chosen}
+    with (
+        Rig(config.model_copy(update={"devices": devices})) as rig,
+        nullcontext() if chosen is None else pytest.raises(ConfigError) as raised,
+    ):
+        plan_tracking(rig, read_reference(REFERENCE), WIRE, **options)
+    assert chosen is None or raised.value.where == "displacement_from"
 
 
 def test_source_in_the_rig_file_is_the_default():

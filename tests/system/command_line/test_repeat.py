@@ -24,7 +24,8 @@ from smadrive.measurement import DisplacementFrom
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.continuation import continuation_of
-from smadrive.runs.cycling.cycles import Cycling, cycles_of, cycling_of, metrics_of, thinned
+from smadrive.runs.cycling.cycle_table import thinned
+from smadrive.runs.cycling.cycles import Cycling, cycles_of, cycling_of, metrics_of
 from smadrive.runs.experiments import track
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.replay import replay
@@ -146,6 +147,12 @@ def test_resumed_run_has_the_source_of_the_displacement_of_its_log(tmp_path):
     assert read_log(tmp_path / "rest.h5").text("displacement_from") == DisplacementFrom.NONE
 
 
+@pytest.mark.parametrize(("in_file", "kept"), [("sensor", None), ("none", DisplacementFrom.SENSOR)])
+def test_source_of_the_log_is_a_choice_if_the_rig_file_names_another(folder, in_file, kept):
+    config = RIG.model_copy(update={"displacement_from": DisplacementFrom(in_file)})
+    assert continuation_of(folder / "part.h5", config).displacement_from is kept
+
+
 def test_another_source_of_the_displacement_is_a_caveat_of_a_resumed_run(folder):
     same = continuation_of(folder / "part.h5", RIG, DisplacementFrom.SENSOR)
     assert (same.displacement_from, same.caveats) == (DisplacementFrom.SENSOR, ())
@@ -251,7 +258,7 @@ def test_repeated_reference_closes_its_cycles_and_ends():
 
 def test_cycle_without_current_or_displacement_has_unknown_metrics():
     rows = np.array([[n, 2.0, np.nan, 20.0, 0.0, 0.0] for n in range(5)])
-    metrics = metrics_of(7, rows, Travel(0.0, 12.0), 0.6)
+    metrics = metrics_of(7, rows, Travel(0.0, 12.0), 0.01)
     assert metrics.cycle == 7
     assert all(map(isnan, (metrics.stroke_mm, metrics.rms_percent, metrics.max_percent, metrics.rest_ohm)))
     assert metrics.energy_j == 0.0

@@ -1,5 +1,6 @@
 """Readings of a displacement sensor that the resistance has replaced make no metrics."""
 
+import json
 import shutil
 from dataclasses import replace
 from math import isnan
@@ -10,11 +11,12 @@ import pytest
 from smadrive.control.controllers.interface import Command
 from smadrive.control.loop import Tick
 from smadrive.control.references.shapes import sine
+from smadrive.devices.profile.profile import load_profile
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
 from smadrive.runs.comparison.comparison import RunComparison
-from smadrive.runs.cycling.cycles import CycleEvents, Cycling, cycles_of
+from smadrive.runs.cycling.cycles import CycleEvents, Cycling, cycles_of, least_current_a
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_log import TickRecorder, reference_text
@@ -49,9 +51,8 @@ def ticks():
         yield Tick(time_s, 0.0, measurement, command)
 
 
-@pytest.fixture(scope="module")
-def log(tmp_path_factory):
-    path = tmp_path_factory.mktemp("replaced") / "run.h5"
+def recorded(folder, board="sma-reference"):
+    path = folder / f"{board}.h5"
     metadata = {
         "kind": RunKind.TRACKING.value,
         "reference": reference_text(REFERENCE),
@@ -59,11 +60,17 @@ def log(tmp_path_factory):
         "wire": WIRE.text(),
         "rig": load_rig("in-process").model_dump_json(),
         "displacement_from": "sensor",
+        "profiles": json.dumps({"board": load_profile(board).model_dump(mode="json")}),
     }
     with TickRecorder(path, metadata, rows=1) as recorder:
         for tick in ticks():
             recorder.tick(tick)
     return read_log(path)
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    return recorded(tmp_path_factory.mktemp("replaced"))
 
 
 def test_cycles_are_measured_until_the_sensor_fails(log):
@@ -88,9 +95,16 @@ def test_measurement_that_tripped_is_in_no_cycle(log):
     assert cycles_of(at_once) == [before]
 
 
+def test_cycles_on_a_source_that_computes_its_voltage_have_no_resistance(tmp_path):
+    cycles = cycles_of(recorded(tmp_path, "tclab"))
+    assert np.isnan([one.rest_ohm for one in cycles]).all()
+    assert all(one.energy_j > 0.0 for one in cycles)
+
+
 def test_event_of_a_cycle_has_the_metrics_of_the_log(log):
     written = []
-    events = CycleEvents(written.append, REFERENCE, Cycling(CYCLES), travel_mm(WIRE.model), 0.6)
+    least_a = least_current_a(0.6, measures_resistance=True)
+    events = CycleEvents(written.append, REFERENCE, Cycling(CYCLES), travel_mm(WIRE.model), least_a)
     for tick in ticks():
         events.tick(tick)
     events.finish()

@@ -12,7 +12,8 @@ import numpy as np
 
 from smadrive.display.number_text import quantity
 from smadrive.runs.comparison.settings import set_values
-from smadrive.runs.cycling.cycles import CYCLE_HEADER, cycle_rows, cycles_of, cycling_of, thinned
+from smadrive.runs.cycling.cycle_table import CYCLE_HEADER, cycle_rows, thinned
+from smadrive.runs.cycling.cycles import cycles_of, cycling_of
 from smadrive.runs.figures.cycle_plots import cycle_plot
 from smadrive.runs.figures.health_plot import health_plot
 from smadrive.runs.figures.log_plots import log_plots

@@ -6,7 +6,7 @@ from smadrive.cli.list_shipped import HEADER as LIST_HEADER
 from smadrive.cli.scan import HEADER as SCAN_HEADER
 from smadrive.cli.terminal.output import Output
 from smadrive.cli.views.metrics_table import HEADER as RUN_HEADER
-from smadrive.runs.cycling.cycles import CYCLE_HEADER
+from smadrive.runs.cycling.cycle_table import CYCLE_HEADER
 
 LONG = "a T-S fuzzy Duhem model of the wire"
 TABLES = {
