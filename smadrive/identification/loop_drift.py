@@ -62,7 +62,12 @@ LEAST_TRAVEL = 0.1
 MODEL_ERROR = 0.01
 """Error of the stroke by the shape of the identified branches, as a share. The runs of one wire differ by as much."""
 
-ITERATIONS = 2
+ITERATIONS, SETTLED = 10, 0.005
+"""Largest number of linearisations. The fit ends when no shift, in K, and no share changes by more than `SETTLED`.
+
+Linearised only at the identified loop, a shift of twice the width of a branch would be wrong by half.
+"""
+
 DIFFERENCE_C = 0.5
 
 
@@ -139,7 +144,10 @@ def _fitted(
     start_mm, stroke_mm, drift = float(moved_mm[0]), abs(model.scale), np.zeros(4)
     for _ in range(ITERATIONS):
         base_mm, jacobian = _linearized(model, before, drift, path_c, start_mm)
-        drift, covariance = _estimate(jacobian, (moved_mm - base_mm) / stroke_mm + jacobian @ drift, prior)
+        before_it, error = drift, (moved_mm - base_mm) / stroke_mm
+        drift, covariance = _estimate(jacobian, error + jacobian @ drift, prior)
+        if float(np.abs(drift - before_it).max()) <= SETTLED:
+            break
     return drift, covariance
 
 

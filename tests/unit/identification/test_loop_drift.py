@@ -49,6 +49,14 @@ def test_moved_loop_is_found(change, scale):
     assert (found.model_percent < 0.5) == (change == (0, 0, 1))
 
 
+def test_loop_that_moved_by_twice_the_width_of_its_branches_is_found_in_a_part_of_the_travel():
+    time_s, _, reading_c, moved_mm = samples(wire(10.0, 10.0), (25, 101, 74, 101, 74))
+    found = fit_loop_drift(wire(), wire_temperature_c(time_s, reading_c, 0.0), moved_mm, NOISE_C)
+    assert found.heating_k == pytest.approx(10.0, abs=0.2)
+    assert found.cooling_k == pytest.approx(10.0, abs=0.2)
+    assert found.stroke_share == pytest.approx(0.0, abs=0.02)
+
+
 @pytest.mark.exhaustive
 def test_standard_errors_are_honest():
     """The errors of many runs of the same wire scatter as their standard errors say."""
