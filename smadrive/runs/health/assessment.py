@@ -31,8 +31,11 @@ NAMES = {
 }
 """Name and unit of each quantity of `QUANTITIES`."""
 
-HEADER = ("", "identified", "last run", "drift", "tracking error")
-"""The last column is the tracking error that the drift causes in a run without a displacement sensor."""
+HEADER = ("", "identified", "last measured", "drift", "tracking error")
+"""`last measured` is the value in the last run that has measured the quantity.
+
+The last column is the tracking error that the drift causes in a run without a displacement sensor.
+"""
 
 
 class Assessment(NamedTuple):
@@ -120,7 +123,7 @@ def health_rows(health: WireHealth) -> Iterator[tuple[str, ...]]:
             title,
             quantity(drift.before.value, 2, unit),
             quantity(drift.now.value, 2, unit),
-            f"{drift.change.value:+.2f} ± {drift.change.error:.2f} {unit.replace('°C', 'K')}",
+            f"{round(drift.change.value, 2) + 0.0:+.2f} ± {drift.change.error:.2f} {unit.replace('°C', 'K')}",
             _error_text(drift),
         )
 
@@ -136,7 +139,8 @@ def health_lines(health: WireHealth) -> Iterator[str]:
     """Yield the sentences about the health of a wire: verdict, runs, drift per 100 cycles, and moves of the models."""
     yield str(health)
     runs = count_text(health.runs, "run")
-    yield f"{runs} and {health.cycles:.4g} cycles since the identification, {health.all_cycles:.4g} in all"
+    cycles = f"{health.cycles:.4g} {'cycle' if health.cycles == 1.0 else 'cycles'}"
+    yield f"{runs} and {cycles} since the identification, {health.all_cycles:.4g} in all"
     for name, drift in health.drifts.items():
         if drift.counts and abs(drift.per_cycle.value) > SIGNIFICANT * drift.per_cycle.error:
             title, unit = NAMES[name]

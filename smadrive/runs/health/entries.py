@@ -82,7 +82,9 @@ def run_entry(log: Log, wire_file: Path) -> HealthEntry:
     wire = wire_of(log) if "wire" in log.metadata else load_wire(wire_file)
     stepped = WireModel(wire.model, wire.heat_balance or nominal_balance(log))
     drift = _drift(log, stepped, config)
-    rest = _measured_rest(log, stepped, config) if measures_resistance(log) else RestResistance()
+    is_measured = bool(np.isfinite(measured_mm(log)).any())
+    moved_mm = measured_mm(log) if is_measured else log.column_with_gaps("estimated_mm")
+    rest = _at_rest(log, stepped, config, moved_mm) if measures_resistance(log) else RestResistance()
     rms, largest = _tracking_percent(log)
     loop = loop_shape(wire.model)
     return HealthEntry(
@@ -92,7 +94,8 @@ def run_entry(log: Log, wire_file: Path) -> HealthEntry:
         cycles=cycles_of_path(_moved_mm(log), loop.stroke_mm),
         log=log.path.name,
         tripped=log.is_tripped,
-        rest_ohm=rest.ohm,
+        rest_ohm=rest.ohm if is_measured else Estimate(),
+        estimated_rest_ohm=Estimate() if is_measured else rest.ohm,
         rest_spread=rest.spread,
         rest_c=rest.at_c,
         model_percent=drift.model_percent,
@@ -154,10 +157,9 @@ def _drift(log: Log, wire: WireModel, config: RigConfig) -> LoopDrift:
     return fit_loop_drift(wire.model, wire_c, displacement_mm, wire.balance.assumed_noise_c(config.feedback.noise_c))
 
 
-def _measured_rest(log: Log, wire: WireModel, config: RigConfig) -> RestResistance:
+def _at_rest(log: Log, wire: WireModel, config: RigConfig, moved_mm: FloatArray) -> RestResistance:
     names = ("time_s", "current_a", "voltage_v", "temperature_c")
     time_s, current_a, voltage_v, temperature_c = (log.column_with_gaps(name) for name in names)
-    moved_mm = _moved_mm(log)
     is_heated = np.isfinite(voltage_v) & np.isfinite(moved_mm)
     is_heated &= current_a >= current_min_a(config.limits.current_max_a)
     columns = (time_s, current_a, voltage_v, moved_mm, temperature_c)

@@ -42,22 +42,23 @@ class LoopShape(NamedTuple):
 class HealthEntry(BaseModel):
     """The properties of the wire that one identification or one run has measured.
 
-    kind             `identification`, or the kind of the run as in its log
-    begun            start of the run, or time of the identification (ISO 8601, UTC)
-    model            key of the model in the model file; another key means another identification
-    cycles           cycles of the wire during the run
-    log              name of the log, without its folder
-    tripped          True if a trip ended the run
-    rest_ohm         resistance at rest: of the cold wire, with leads and contacts, Ω
-    rest_spread      largest deviation of the resistance from the model during the run, as a share
-    rest_c           mean temperature of the wire at which rest_ohm was measured, °C
-    stroke_mm        stroke of the wire, mm
-    heating_c        place of the heating branch: its temperature at the middle of the stroke, °C
-    cooling_c        place of the cooling branch, °C
-    model_percent    RMS error of this model in this run, or of its fit, in % of the stroke
-    rms_percent      RMS of the tracking error, in % of the stroke; NaN for a tuning session
-    max_percent      largest tracking error, in % of the stroke
-    adapted          loop of the adapted model at the end of the run; None without online adaptation
+    kind                `identification`, or the kind of the run as in its log
+    begun               start of the run, or time of the identification (ISO 8601, UTC)
+    model               key of the model in the model file; another key means another identification
+    cycles              cycles of the wire during the run
+    log                 name of the log, without its folder
+    tripped             True if a trip ended the run
+    rest_ohm            resistance at rest: of the cold wire, with leads and contacts, Ω
+    estimated_rest_ohm  the same from a run without a measured displacement. It rests on the model: it shows no drift
+    rest_spread         largest deviation of the resistance from the model during the run, as a share
+    rest_c              mean temperature of the wire during this measurement, °C
+    stroke_mm           stroke of the wire, mm
+    heating_c           place of the heating branch: its temperature at the middle of the stroke, °C
+    cooling_c           place of the cooling branch, °C
+    model_percent       RMS error of this model in this run, or of its fit, in % of the stroke
+    rms_percent         RMS of the tracking error, in % of the stroke; NaN for a tuning session
+    max_percent         largest tracking error, in % of the stroke
+    adapted             loop of the adapted model at the end of the run; None without online adaptation
     """
 
     model_config = ConfigDict(extra="ignore", frozen=True, protected_namespaces=())
@@ -69,6 +70,7 @@ class HealthEntry(BaseModel):
     log: str = ""
     tripped: bool = False
     rest_ohm: Estimate = Estimate()
+    estimated_rest_ohm: Estimate = Estimate()
     rest_spread: Number = nan
     rest_c: Number = nan
     stroke_mm: Estimate = Estimate()

@@ -50,11 +50,16 @@ def expected_rest(entries: Sequence[HealthEntry], model: str, identified_ohm: fl
     runs = [run for run in entries[starts[-1] + 1 :] if _counts(run)][-RUNS:]
     if len(runs) < LEAST_RUNS:
         return ExpectedRest(identified_ohm, MOST_TOLERANCE)
-    ohm = median(run.rest_ohm.value for run in runs)
-    deviations = sorted(abs(run.rest_ohm.value / ohm - 1.0) + run.rest_spread for run in runs)
+    ohm = median(map(_rest_ohm, runs))
+    deviations = sorted(abs(_rest_ohm(run) / ohm - 1.0) + run.rest_spread for run in runs)
     return ExpectedRest(ohm, min(max(GATE * deviations[-2], LEAST_TOLERANCE), MOST_TOLERANCE))
 
 
 def _counts(run: HealthEntry) -> bool:
     """Return True for a run without a trip whose resistance at rest, and its deviation within the run, are known."""
-    return run.rest_ohm.is_known and isfinite(run.rest_spread) and not run.tripped
+    return isfinite(_rest_ohm(run)) and isfinite(run.rest_spread) and not run.tripped
+
+
+def _rest_ohm(run: HealthEntry) -> float:
+    """Return the resistance at rest that the run has measured, else the one that rests on its estimate."""
+    return run.rest_ohm.value if run.rest_ohm.is_known else run.estimated_rest_ohm.value

@@ -40,16 +40,16 @@ def wire_file(identified, tmp_path):
 
 
 @contextmanager
-def opened(prepare=lambda _plant: None):
-    """The rig in process, with its wire prepared by `prepare(plant)`."""
+def opened(prepare=lambda _plant: None, config=CONFIG):
+    """The rig of `config`, with its wire prepared by `prepare(plant)`."""
     device, clock = simulated_device(SIM, seed=3), VirtualClock()
     clock.follow(device.bench.advance_to)
     prepare(device.bench.plant)
-    with Rig(CONFIG, transports={"board": device.transport(clock)}) as rig:
+    with Rig(config, transports={"board": device.transport(clock)}) as rig:
         yield rig
 
 
-def run(wire_file, name="run.h5", prepare=lambda _plant: None, on_tick=lambda _tick: None):
+def run(wire_file, name="run.h5", prepare=lambda _plant: None, on_tick=lambda _tick: None, config=CONFIG):
     """Track `SWING` and record the run. Return the log file."""
     log_file = wire_file.with_name(name)
 
@@ -60,7 +60,7 @@ def run(wire_file, name="run.h5", prepare=lambda _plant: None, on_tick=lambda _t
 
         return nullcontext(record)
 
-    with opened(prepare) as rig:
+    with opened(prepare, config) as rig:
         plan = plan_tracking(rig, SWING, load_wire(wire_file), smooth=True, smooth_option="--smooth")
         track(log_file, rig, plan, watch)
     return log_file
@@ -87,6 +87,15 @@ def test_record_shows_an_aged_wire(wire_file):
     assert health.drifts["stroke_mm"].change.value == pytest.approx(-0.04 * 12.0, abs=0.2)
     assert not health.drifts["rest_ohm"].counts
     assert health_values(assessment_of(read_log(wire_file.with_name("run2.h5"))))["verdict"] == "identify it again"
+
+
+def test_run_without_a_measured_displacement_shows_no_drift(wire_file):
+    devices = tuple(device.model_copy(update={"measures": ("temperature",)}) for device in CONFIG.devices)
+    blind = CONFIG.model_copy(update={"devices": devices})
+    assert record_health(run(wire_file, config=blind, prepare=lambda plant: plant.ageing.age_wire(4.0, 0.0, 0.0))) == ()
+    (entry,) = read_health(wire_file).entries[1:]
+    assert entry.estimated_rest_ohm.is_known
+    assert not any(value.is_known for value in (entry.rest_ohm, entry.heating_c, entry.cooling_c, entry.stroke_mm))
 
 
 @pytest.mark.exhaustive

@@ -46,6 +46,12 @@ def test_one_run_is_not_enough():
     assert health(run(heating_c=Estimate(95.0, 0.1))).verdict is HealthVerdict.UNKNOWN
 
 
+def test_resistance_that_rests_on_an_estimate_shows_no_drift():
+    values = {name: Estimate() for name in ("rest_ohm", "heating_c", "cooling_c", "stroke_mm")}
+    found = health(*[run(**values, estimated_rest_ohm=Estimate(15.0, 0.05))] * 3)
+    assert (found.verdict, found.drifts) == (HealthVerdict.UNKNOWN, {})
+
+
 def test_scatter_within_the_errors_is_no_drift():
     found = health(run(heating_c=Estimate(90.2, 0.1)), run(heating_c=Estimate(90.25, 0.1)))
     assert (found.verdict, found.error_percent) == (HealthVerdict.UNCHANGED, 0.0)

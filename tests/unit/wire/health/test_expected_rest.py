@@ -40,6 +40,12 @@ def test_without_enough_sound_runs_only_a_gross_jump_is_one(entries):
     assert expected_rest(entries, "a", 10.0) == UNSURE
 
 
+def test_runs_without_a_measured_displacement_count():
+    estimated = run(nan).model_copy(update={"estimated_rest_ohm": Estimate(10.5, 0.05)})
+    found = expected_rest([IDENTIFIED, *[estimated] * LEAST_RUNS], "a", 10.0)
+    assert found == ExpectedRest(10.5, LEAST_TOLERANCE)
+
+
 def test_steady_runs_leave_the_least_tolerance():
     assert expected_rest([IDENTIFIED, *[run(10.5)] * LEAST_RUNS], "a", 10.0) == ExpectedRest(10.5, LEAST_TOLERANCE)
 
