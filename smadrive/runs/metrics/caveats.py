@@ -13,6 +13,7 @@ from smadrive.runs.metrics.tracking_error import (
     MOST_REPLACED,
     error_percent,
     has_setpoint,
+    measured_mm,
     replaced_share,
     scored_from_s,
 )
@@ -22,6 +23,14 @@ from smadrive.wire.wire_model import travel_mm
 
 FEW_MISSING = 0.03
 """Largest share of samples that a working sensor misses. A larger share gives a warning about the metrics."""
+
+DIFFERENCE, DEVIATIONS, OFTEN = 0.05, 3.0, 0.2
+"""Difference of the displacement by the resistance from another source: as a share of the stroke, in deviations.
+
+A run in which more than the share `OFTEN` of the samples differ by more than both gets a caveat.
+"""
+
+CHECK_SENSOR = "check how the sensor is mounted, the contacts and the leads"
 
 
 def tracking_caveats(log: Log) -> tuple[str, ...]:
@@ -65,9 +74,31 @@ def _contradiction_caveats(log: Log) -> tuple[str, ...]:
     """Return a caveat if sensor and resistance contradicted each other, and the sensor remained the source."""
     share = of_finite(np.mean, log.column("resistance_wrong")) if "resistance_wrong" in log.columns else 0.0
     if not share > FEW_MISSING:
-        return ()
+        return _difference_caveats(log)
     when = f"for {100.0 * share:.0f} % of the time the resistance of the wire contradicted the displacement sensor"
-    return (f"{when}, and one of them is wrong: check how the sensor is mounted, the contacts and the leads",)
+    return (f"{when}, and one of them is wrong: {CHECK_SENSOR}",)
+
+
+def _difference_caveats(log: Log) -> tuple[str, ...]:
+    """Return a caveat if the displacement by the resistance often differs from the displacement that the run shows.
+
+    The run shows the displacement by the sensor, or without one the estimate, which may rest on the model alone.
+    """
+    if not {"by_resistance_mm", "by_resistance_sd_mm", "estimated_mm"} <= log.columns.keys():
+        return ()
+    sensor_mm, stroke_mm = measured_mm(log), travel_mm(wire_of(log).model).stroke_mm
+    is_measured = bool(np.isfinite(sensor_mm).any())
+    shown_mm = sensor_mm if is_measured else log.column_with_gaps("estimated_mm")
+    difference_mm = np.abs(log.column_with_gaps("by_resistance_mm") - shown_mm)
+    limit_mm = np.maximum(DIFFERENCE * stroke_mm, DEVIATIONS * log.column_with_gaps("by_resistance_sd_mm"))
+    is_known = np.isfinite(difference_mm) & np.isfinite(limit_mm)
+    share = of_finite(np.mean, (difference_mm > limit_mm)[is_known].astype(np.float64))
+    if not share > OFTEN:
+        return ()
+    percent = 100.0 * float(np.median(difference_mm[is_known])) / stroke_mm
+    differs = f"differs from {'the sensor' if is_measured else 'the estimate'} by {percent:.0f} % of the stroke"
+    cure = CHECK_SENSOR if is_measured else "the wire, its load or a contact has changed: identify the wire again"
+    return (f"the displacement by the resistance {differs} (median): {cure}",)
 
 
 def sample_caveats(log: Log) -> tuple[str, ...]:

@@ -73,6 +73,25 @@ def test_resistance_that_contradicted_the_sensor_is_a_caveat(contradicting, coun
     assert len(measured_caveats(log)) == count
 
 
+@pytest.mark.parametrize("has_sensor", [True, False])
+@pytest.mark.parametrize(
+    ("differs_mm", "deviation_mm", "samples", "count"),
+    [(0.1, 0.02, 100, 0), (2.0, 0.02, 100, 1), (2.0, 1.0, 100, 0), (2.0, 0.02, 10, 0)],
+)
+def test_displacement_by_resistance_that_differs_is_a_caveat(has_sensor, differs_mm, deviation_mm, samples, count):
+    log = log_of([] if has_sensor else range(100))
+    number = np.arange(APPROACH + 100)
+    believed_mm = log.columns["displacement_mm"] if has_sensor else np.linspace(2.0, 9.0, number.size)
+    columns = {
+        "displacement_mm": believed_mm if has_sensor else np.full(number.size, np.nan),
+        "estimated_mm": believed_mm,
+        "by_resistance_mm": believed_mm - np.where(number < samples, differs_mm, 0.0),
+        "by_resistance_sd_mm": np.full(number.size, deviation_mm),
+    }
+    log = replace(log, columns={**log.columns, **columns})
+    assert len(measured_caveats(log)) == count
+
+
 def test_measurement_that_tripped_does_not_count():
     log = log_of([])
     tripped, wrong_mm = np.zeros(APPROACH + 100), log.columns["displacement_mm"].copy()
