@@ -17,13 +17,14 @@ from smadrive.runs.figures.session_plots import session_plot
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.caveats import sample_caveats
 from smadrive.runs.metrics.run import is_virtual
-from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
+from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, measured_mm, scored_from_s
 from smadrive.runs.plot_style import legend, line, panels
 from smadrive.runs.report import Plot
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import rig_config_of, wire_of
 
 NOT_SCORED = "The approach (grey) brings the wire to the reference and is not scored."
+REPLACED = "While the sensor was replaced, no error is known."
 
 PLANE_POINTS = 6000
 """The plot of displacement over temperature shows every n-th row of the log: n = max(1, rows // PLANE_POINTS)."""
@@ -38,7 +39,7 @@ def log_plots(log: Log) -> Iterator[Plot]:
     if log.kind is RunKind.SESSION:
         yield session_plot(log)
     yield _heat(log)
-    if np.isfinite(log.column_with_gaps("displacement_mm")).any():
+    if np.isfinite(measured_mm(log)).any():
         yield _plane(log)
     yield _timing(log)
 
@@ -46,7 +47,11 @@ def log_plots(log: Log) -> Iterator[Plot]:
 def _tracking(log: Log) -> Plot:
     is_scored = np.isfinite(error_percent(log)).any()
     figure, (upper, *lower) = panels((3.0, 1.7) if is_scored else (3.0,))
-    _draw(upper, log, "displacement_mm", color=MEASURED, lw=1.8)
+    replaced_mm = np.where(np.isfinite(measured_mm(log)), np.nan, log.column_with_gaps("displacement_mm"))
+    is_replaced = bool(np.isfinite(replaced_mm).any())
+    if is_replaced:
+        line(upper, log.column("time_s"), replaced_mm, color=FAINT, lw=1.8, label="sensor, replaced")
+    line(upper, log.column("time_s"), measured_mm(log), color=MEASURED, lw=1.8, label=COLUMNS["displacement_mm"].role)
     _draw(upper, log, "estimated_mm", color=ESTIMATED, lw=0.9)
     _draw(upper, log, "setpoint_mm", color=SETPOINT, ls="--", lw=1.0)
     legend(upper)
@@ -54,7 +59,8 @@ def _tracking(log: Log) -> Plot:
         draw_error(ax, log, MEASURED)
     figure.axes[-1].set_xlabel(COLUMNS["time_s"].axis_label)
     error = f"Error = setpoint − displacement. {NOT_SCORED if 'reference' in log.metadata else ''}".strip()
-    return Plot("Tracking", figure, error if is_scored else f"No error is shown: {sample_caveats(log)[-1]}.")
+    caption = error if is_scored else f"No error is shown: {sample_caveats(log)[-1]}."
+    return Plot("Tracking", figure, f"{caption} {REPLACED}" if is_replaced else caption)
 
 
 def _displacement(log: Log) -> Plot:
@@ -109,7 +115,7 @@ def _plane(log: Log) -> Plot:
     temperature_c = log.column_with_gaps("estimated_c" if is_estimated else "temperature_c")[::every]
     dots = ax.scatter(
         temperature_c,
-        log.column_with_gaps("displacement_mm")[::every],
+        measured_mm(log)[::every],
         c=log.column("time_s")[::every],
         s=4,
         cmap="viridis",

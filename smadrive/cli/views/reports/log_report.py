@@ -44,6 +44,9 @@ GAP = 1.5
 MOST_CYCLES = 50
 """Largest number of cycles in the table of the page."""
 
+NAMED = ("displacement_from", "inverse", "controller", "seed", "title")
+"""The metadata that the provenance shows, if the log has them."""
+
 
 def write_log_report(path: Path, log: Log) -> RunMetrics:
     """Write the page of `log` to `path`, and return the metrics of the run.
@@ -169,7 +172,7 @@ def _provenance(log: Log) -> Grid:
         *((f"address of {device.name}", device.url) for device in rig_config_of(log).devices),
         ("versions", versions),
         ("machine", log.text("machine")),
-        *((name, log.metadata[name]) for name in ("inverse", "controller", "seed", "title") if name in log.metadata),
+        *((name.replace("_", " "), log.metadata[name]) for name in NAMED if name in log.metadata),
     ]
     return Grid(("", ""), rows, "Provenance", texts=True)
 
