@@ -12,7 +12,12 @@ from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
 from smadrive.identification.memory.fit import MemoryFit
 from smadrive.identification.thermal_fit.fit import ThermalFit
 from smadrive.identification.wire import AnyFit
-from smadrive.runs.record_fit import RecordFit
+from smadrive.runs.record_fit import INPUT, RecordFit
+
+WITH_LAG = (
+    "the record is not a log, so no heat balance is identified, and the lag of the thermocouple stays in the model: "
+    "the log of `smadrive excite` gives a more accurate model"
+)
 
 
 def print_fit(output: Output, result: RecordFit) -> None:
@@ -29,6 +34,8 @@ def print_fit(output: Output, result: RecordFit) -> None:
         rows += _heat_rows(thermal)
     rows += resistance_rows(result)
     output.table(("", "value", ""), rows, notes=True)
+    if thermal is None and INPUT in result.axes:
+        output.say(WITH_LAG)
     for sentence in resistance_sentences(result):
         output.say(sentence)
     output.warn(result.caveats)

@@ -146,4 +146,6 @@ class Feasibility:
             return f"let the reference end where it begins, without the way back of {way_back_s:g} s, or "
         if self.in_approach and self.limit == "cooling":
             return "let the wire cool first, because it is still hot (in Python: rig.cool_down(60)), or "
+        if self.in_approach:
+            return "check the displacement at the start, because the error is in the approach, or "
         return "" if self.slower > JUMP else f"slow the reference down about {self.slower:.1f} times, or "
