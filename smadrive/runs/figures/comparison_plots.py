@@ -8,12 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from smadrive.display.colours import LIMIT, RUN_COLOURS, SETPOINT, SHADE
+from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.comparison.comparison import RunComparison
 from smadrive.runs.comparison.settings import CHECKSUM
 from smadrive.runs.figures.log_plots import NOT_SCORED, PLANE_POINTS
 from smadrive.runs.log.reader import Log
-from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, scored_from_s
+from smadrive.runs.metrics.tracking_error import error_percent, has_setpoint, measured_mm, scored_from_s
 from smadrive.runs.plot_style import legend, line, panels
 from smadrive.runs.report import Plot
 from smadrive.runs.run_metadata import rig_config_of
@@ -70,8 +71,9 @@ def _plane(comparison: RunComparison) -> Plot:
     for name, log, colour in zip(comparison.names, comparison.logs, RUN_COLOURS, strict=False):
         every = max(1, log.column("time_s").size // PLANE_POINTS)
         column = "estimated_c" if _has(log, "estimated_c") else "temperature_c"
-        path = log.column_with_gaps(column)[::every], log.column_with_gaps("displacement_mm")[::every]
-        ax.plot(*path, color=colour, lw=0.8, alpha=0.8, label=name, rasterized=True)
+        path = log.column_with_gaps(column)[::every], measured_mm(log)[::every]
+        if _has(log, "displacement_mm"):
+            ax.plot(*path, color=colour, lw=0.8, alpha=0.8, label=name, rasterized=True)
     legend(ax)
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
     caption = "Measured displacement over the estimated wire temperature, or over the measured one without an estimate."
@@ -81,9 +83,15 @@ def _plane(comparison: RunComparison) -> Plot:
 def _draw(comparison: RunComparison, ax: Axes, name: str) -> None:
     """Draw the column `name` of each run over time, in the colour of the run."""
     for title, log, colour in zip(comparison.names, comparison.logs, RUN_COLOURS, strict=False):
-        line(ax, log.column("time_s"), log.column_with_gaps(name), color=colour, lw=1.2, label=title)
+        if _has(log, name):
+            line(ax, log.column("time_s"), _values(log, name), color=colour, lw=1.2, label=title)
     ax.set_ylabel(COLUMNS[name].axis_label)
 
 
 def _has(log: Log, name: str) -> bool:
-    return bool(np.isfinite(log.column_with_gaps(name)).any())
+    return bool(np.isfinite(_values(log, name)).any())
+
+
+def _values(log: Log, name: str) -> FloatArray:
+    """Return the column; readings of a displacement sensor that was replaced are left out."""
+    return measured_mm(log) if name == "displacement_mm" else log.column_with_gaps(name)
