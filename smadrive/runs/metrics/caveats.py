@@ -84,7 +84,8 @@ def _difference_caveats(log: Log) -> tuple[str, ...]:
 
     The run shows the displacement by the sensor, or without one the estimate, which may rest on the model alone.
     """
-    if not {"by_resistance_mm", "by_resistance_sd_mm", "estimated_mm"} <= log.columns.keys():
+    needed = {"by_resistance_mm", "by_resistance_sd_mm", "estimated_mm"}
+    if "wire" not in log.metadata or not needed <= log.columns.keys():
         return ()
     sensor_mm, stroke_mm = measured_mm(log), travel_mm(wire_of(log).model).stroke_mm
     is_measured = bool(np.isfinite(sensor_mm).any())

@@ -11,7 +11,7 @@ import pytest
 from smadrive.control.loop import LoopMetrics
 from smadrive.hysteresis import DuhemModel
 from smadrive.runs.log.reader import Log
-from smadrive.runs.metrics.caveats import measured_caveats, tracking_caveats
+from smadrive.runs.metrics.caveats import measured_caveats, run_caveats, tracking_caveats
 from smadrive.runs.metrics.run import tracking_metrics
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -90,6 +90,13 @@ def test_displacement_by_resistance_that_differs_is_a_caveat(has_sensor, differs
     }
     log = replace(log, columns={**log.columns, **columns})
     assert len(measured_caveats(log)) == count
+
+
+def test_log_without_a_wire_has_no_caveat_about_its_displacement():
+    log = log_of([])
+    unknown = np.full(APPROACH + 100, nan)
+    columns = dict.fromkeys(("estimated_mm", "by_resistance_mm", "by_resistance_sd_mm"), unknown)
+    assert run_caveats(replace(log, columns={**log.columns, **columns}, metadata={})) == ()
 
 
 def test_measurement_that_tripped_does_not_count():
