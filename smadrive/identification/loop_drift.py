@@ -57,7 +57,13 @@ MOST_SAMPLES = 1500
 """A path with more samples is thinned out to this number. Its turning points stay."""
 
 LEAST_TRAVEL = 0.1
-"""A path along which the model travels less than this share of its stroke does not show the loop."""
+"""A run in which the wire travels less than this share of its stroke does not show the loop."""
+
+MOST_MISFIT = 3.0
+"""Largest RMS difference of a run from its fitted loop, in % of the stroke.
+
+A larger one has another cause than a moved loop: a bad sensor, or reversals that are hidden by its noise.
+"""
 
 MODEL_ERROR = 0.01
 """Error of the stroke by the shape of the identified branches, as a share. The runs of one wire differ by as much."""
@@ -67,6 +73,9 @@ ITERATIONS, SETTLED = 10, 0.005
 
 Linearised only at the identified loop, a shift of twice the width of a branch would be wrong by half.
 """
+
+FAR_C, APART_C = 20.0, 2.0
+"""The fit begins at the best common shift of both branches within ± `FAR_C`, of those that are `APART_C` apart, K."""
 
 DIFFERENCE_C = 0.5
 
@@ -113,21 +122,29 @@ def fit_loop_drift(
     """Return the drift of the loop of a wire, from the temperatures `wire_c` and the displacements of one run.
 
     `wire_c` and `displacement_mm` have the shape (samples,). `noise_c` is the noise of the thermocouple, K. `model` is
-    the model from the identification. The result is `UNKNOWN` for a run that does not show the loop. If no model has
-    the fitted loop, only `model_percent` is known.
+    the model from the identification. The result is `UNKNOWN` for a run that does not show the loop. If no moved loop
+    describes the run, only `model_percent` is known.
     """
     path_c, moved_mm = _path(wire_c, displacement_mm, NOISES * noise_c)
     stroke_mm, shape = abs(model.scale), shape_of(model)
     predicted_mm = model.simulate(path_c, float(moved_mm[0]))
-    visited = float(np.ptp(predicted_mm)) / stroke_mm
-    if visited < LEAST_TRAVEL:
+    visited, predicted = (min(float(np.ptp(one_mm)) / stroke_mm, 1.0) for one_mm in (moved_mm, predicted_mm))
+    if max(visited, predicted) < LEAST_TRAVEL:
         return UNKNOWN
-    model_percent = 100.0 * float(np.sqrt(np.mean(((moved_mm - predicted_mm) / stroke_mm) ** 2)))
+    model_percent = _misfit_percent(model, shape, np.zeros(4), path_c, moved_mm)
+    only_percent = replace(UNKNOWN, model_percent=model_percent)
+    if visited < LEAST_TRAVEL:  # a sensor that is stuck, or a loop that has moved beyond the temperatures of the run
+        return only_percent
     try:
-        drift, covariance = _fitted(model, shape, path_c, moved_mm)
-        other, _ = _fitted(model, shape, *_path(wire_c, displacement_mm, NARROWER * noise_c))
+        found = _fitted(model, shape, path_c, moved_mm)
+        narrower = _fitted(model, shape, *_path(wire_c, displacement_mm, NARROWER * noise_c))
+        if found is None or narrower is None:
+            return only_percent
+        (drift, covariance), (other, _) = found, narrower
+        if _misfit_percent(model, shape, drift, path_c, moved_mm) > MOST_MISFIT:
+            return only_percent
     except ModelError:  # no model of the wire has the shape of this loop
-        return replace(UNKNOWN, model_percent=model_percent)
+        return only_percent
     heating_k, cooling_k, share, _ = drift.tolist()
     scale_error = float(np.hypot(SHIFT * noise_c / min(shape.sigma_heating, shape.sigma_cooling), MODEL_ERROR))
     systematic = np.array([noise_c, noise_c, scale_error / visited])
@@ -137,18 +154,37 @@ def fit_loop_drift(
 
 def _fitted(
     model: IdentifiedModel, before: BranchShape, path_c: FloatArray, moved_mm: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the estimate of x, and its covariance C. `before` is the shape of `model`."""
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the estimate of x, and its covariance C; None if the fit does not settle.
+
+    `before` is the shape of `model`.
+    """
     likely = LikelyChanges()
     prior = np.diag(np.array([likely.drift_c, likely.drift_c, likely.drift, likely.drift]) ** -2.0)
-    start_mm, stroke_mm, drift = float(moved_mm[0]), abs(model.scale), np.zeros(4)
+    start_mm, stroke_mm = float(moved_mm[0]), abs(model.scale)
+    drift = _nearest_shift(model, before, path_c, moved_mm)
     for _ in range(ITERATIONS):
         base_mm, jacobian = _linearized(model, before, drift, path_c, start_mm)
         before_it, error = drift, (moved_mm - base_mm) / stroke_mm
         drift, covariance = _estimate(jacobian, error + jacobian @ drift, prior)
         if float(np.abs(drift - before_it).max()) <= SETTLED:
-            break
-    return drift, covariance
+            return drift, covariance
+    return None
+
+
+def _nearest_shift(model: IdentifiedModel, before: BranchShape, path_c: FloatArray, moved_mm: FloatArray) -> FloatArray:
+    """Return x for the common shift of both branches with which the model is nearest to the displacements."""
+    shifts = np.arange(-FAR_C, FAR_C + APART_C, APART_C)
+    common = [np.array([shift_k, shift_k, 0.0, 0.0]) for shift_k in shifts]
+    return min(common, key=lambda drift: _misfit_percent(model, before, drift, path_c, moved_mm))
+
+
+def _misfit_percent(
+    model: IdentifiedModel, before: BranchShape, drift: FloatArray, path_c: FloatArray, moved_mm: FloatArray
+) -> float:
+    """Return the RMS difference of the displacements from y(x) for x = `drift`, in % of the stroke."""
+    error_mm = moved_mm - _moved_mm(model, before, drift, path_c, float(moved_mm[0]))
+    return 100.0 * float(np.sqrt(np.mean(np.square(error_mm)))) / abs(model.scale)
 
 
 def _path(wire_c: FloatArray, displacement_mm: FloatArray, radius: float) -> tuple[FloatArray, FloatArray]:

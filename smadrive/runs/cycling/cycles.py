@@ -22,7 +22,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.numerics.arrays import FloatArray
 from smadrive.runs.log.reader import Log
 from smadrive.runs.metrics.series import MEASURABLE, energy_j, of_finite, rms_and_max
-from smadrive.runs.metrics.tracking_error import measured_mm
+from smadrive.runs.metrics.tracking_error import MOST_REPLACED, measured_mm
 from smadrive.runs.run_metadata import measures_resistance, reference_of, rig_config_of, wire_of
 from smadrive.wire.wire_model import Travel, travel_mm
 
@@ -41,10 +41,10 @@ EVENT = "cycle "
 
 @dataclass(frozen=True)
 class CycleMetrics:
-    """The metrics of one cycle. Unknown values are NaN.
+    """The metrics of one cycle. Unknown values are NaN, such as errors if most of the displacement was not measured.
 
     cycle                       number of the cycle, from 1
-    stroke_mm                   highest minus lowest measured displacement
+    stroke_mm                   highest minus lowest measured displacement; unknown if an end was not measured
     rms_percent, max_percent    RMS and largest tracking error, in % of the model's stroke
     rest_ohm                    resistance at rest
     energy_j                    electrical energy that the wire received
@@ -172,14 +172,17 @@ def metrics_of(number: int, rows: FloatArray, travel: Travel, least_current_a: f
     time_s, setpoint_mm, displacement_mm, temperature_c, current_a, voltage_v = rows.T
     error = 100.0 * (setpoint_mm - displacement_mm) / travel.stroke_mm
     height = setpoint_mm if travel.hot_mm > travel.cold_mm else -setpoint_mm
+    is_measured = np.isfinite(displacement_mm)
+    has_ends = of_finite(np.ptp, np.where(is_measured, setpoint_mm, nan)) >= (1.0 - REST_SHARE) * np.ptp(setpoint_mm)
+    is_known = np.mean(is_measured) >= 1.0 - MOST_REPLACED
     is_rest = height <= height.min() + REST_SHARE * np.ptp(height)
     is_rest &= current_a >= least_current_a
     rest_ohm = (voltage_v / np.where(is_rest, current_a, 1.0))[is_rest]
     rest_ohm = rest_ohm[np.isfinite(rest_ohm)]
     return CycleMetrics(
         number,
-        of_finite(np.ptp, displacement_mm),
-        *rms_and_max(error),
+        of_finite(np.ptp, displacement_mm) if has_ends else nan,
+        *(rms_and_max(error) if is_known else (nan, nan)),
         float(np.median(rest_ohm)) if rest_ohm.size >= LEAST_SAMPLES else nan,
         energy_j(time_s, current_a, voltage_v),
         of_finite(np.max, temperature_c),

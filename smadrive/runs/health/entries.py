@@ -20,7 +20,8 @@ from smadrive.numerics.arrays import FloatArray
 from smadrive.rig.config import RigConfig
 from smadrive.runs.health.rest_resistance import HeatedSamples, RestResistance, rest_resistance
 from smadrive.runs.log.reader import Log
-from smadrive.runs.metrics.tracking_error import has_setpoint, measured_mm, tracking_percent
+from smadrive.runs.metrics.caveats import FEW_MISSING
+from smadrive.runs.metrics.tracking_error import has_setpoint, measured_mm, replaced_share, tracking_percent
 from smadrive.runs.run_metadata import (
     displacement_in_time,
     measures_resistance,
@@ -141,12 +142,15 @@ def widths_of(wire: IdentifiedWire) -> LoopWidths:
 
 
 def _moved_mm(log: Log) -> FloatArray:
-    """Return the displacement, and where it was not measured the estimate of the observer."""
-    displacement_mm = measured_mm(log)
-    return np.where(np.isfinite(displacement_mm), displacement_mm, log.column_with_gaps("estimated_mm"))
+    """Return the estimated displacement, which has no spikes, and where there is no estimate the measured one."""
+    estimated_mm = log.column_with_gaps("estimated_mm")
+    return np.where(np.isfinite(estimated_mm), estimated_mm, measured_mm(log))
 
 
 def _drift(log: Log, wire: WireModel, config: RigConfig) -> LoopDrift:
+    """Return the drift of the loop; unknown if the sensor was replaced, because the samples left fit the old model."""
+    if replaced_share(log) > FEW_MISSING:
+        return UNKNOWN
     moved_mm = np.where(np.isfinite(measured_mm(log)), displacement_in_time(log), nan)
     columns = log.column("time_s"), log.column_with_gaps("temperature_c"), moved_mm
     rows = np.column_stack([column[-MOST_ROWS:] for column in columns])

@@ -24,12 +24,14 @@ from smadrive.wire.wire_model import travel_mm
 FEW_MISSING = 0.03
 """Largest share of samples that a working sensor misses. A larger share gives a warning about the metrics."""
 
-DIFFERENCE, DEVIATIONS, OFTEN = 0.05, 3.0, 0.2
-"""Difference of the displacement by the resistance from another source: as a share of the stroke, in deviations.
+DIFFERENCES, DEVIATIONS = ((0.05, 0.2), (0.15, FEW_MISSING)), 3.0
+"""A run gets a caveat if the displacement by the resistance differs from another source by more than a difference.
 
-A run in which more than the share `OFTEN` of the samples differ by more than both gets a caveat.
+Each pair is such a difference, as a share of the stroke, and the share of the samples that may have it. A difference
+within `DEVIATIONS` standard deviations does not count.
 """
 
+CHECK_WIRE = "has a draft, a load, a bead or a contact changed? If none has, identify the wire again"
 CHECK_SENSOR = "check how the sensor is mounted, the contacts and the leads"
 
 
@@ -91,15 +93,16 @@ def _difference_caveats(log: Log) -> tuple[str, ...]:
     is_measured = bool(np.isfinite(sensor_mm).any())
     shown_mm = sensor_mm if is_measured else log.column_with_gaps("estimated_mm")
     difference_mm = np.abs(log.column_with_gaps("by_resistance_mm") - shown_mm)
-    limit_mm = np.maximum(DIFFERENCE * stroke_mm, DEVIATIONS * log.column_with_gaps("by_resistance_sd_mm"))
-    is_known = np.isfinite(difference_mm) & np.isfinite(limit_mm)
-    share = of_finite(np.mean, (difference_mm > limit_mm)[is_known].astype(np.float64))
-    if not share > OFTEN:
-        return ()
-    percent = 100.0 * float(np.median(difference_mm[is_known])) / stroke_mm
-    differs = f"differs from {'the sensor' if is_measured else 'the estimate'} by {percent:.0f} % of the stroke"
-    cure = CHECK_SENSOR if is_measured else "the wire, its load or a contact has changed: identify the wire again"
-    return (f"the displacement by the resistance {differs} (median): {cure}",)
+    noise_mm = DEVIATIONS * log.column_with_gaps("by_resistance_sd_mm")
+    for difference, often in DIFFERENCES:
+        differs = difference_mm > np.maximum(difference * stroke_mm, noise_mm)
+        share = of_finite(np.mean, differs[np.isfinite(difference_mm)].astype(np.float64))
+        if share > often:
+            percent = 100.0 * float(np.median(difference_mm[differs])) / stroke_mm
+            when = f"for {100.0 * share:.0f} % of the time the displacement by the resistance differed from"
+            what = f"{when} {'the sensor' if is_measured else 'the estimate'} by {percent:.0f} % of the stroke (median)"
+            return (f"{what}: {CHECK_SENSOR if is_measured else CHECK_WIRE}",)
+    return ()
 
 
 def sample_caveats(log: Log) -> tuple[str, ...]:

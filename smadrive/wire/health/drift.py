@@ -116,7 +116,7 @@ class WireHealth(NamedTuple):
         allowed = f"an identification leaves {self.allowed_percent:.2g} %"
         match self.verdict:
             case HealthVerdict.UNKNOWN:
-                return f"the drift of the wire is not known before {LAST_RUNS} runs have measured it"
+                return f"the drift of the wire is not known before {LAST_RUNS} runs have measured its loop"
             case HealthVerdict.JUMPED:
                 rest = self.drifts["rest_ohm"]
                 jump = f"{rest.before.value:.4g} Ω when identified, {rest.now.value:.4g} Ω in the last run"
@@ -186,10 +186,12 @@ def _is_significant(change: Estimate) -> bool:
 def _verdict(runs: Sequence[HealthEntry], drifts: dict[str, Drift], is_costly: bool) -> HealthVerdict:
     if all(_count(runs, name) < LAST_RUNS for name in QUANTITIES):
         return HealthVerdict.UNKNOWN
-    if not any(drift.counts for drift in drifts.values()):
-        differs = any(drift.is_significant for drift in drifts.values())
-        return HealthVerdict.DIFFERS if differs else HealthVerdict.UNCHANGED
-    return HealthVerdict.IDENTIFY_AGAIN if is_costly else HealthVerdict.DRIFTED
+    if any(drift.counts for drift in drifts.values()):
+        return HealthVerdict.IDENTIFY_AGAIN if is_costly else HealthVerdict.DRIFTED
+    if any(drift.is_significant for drift in drifts.values()):
+        return HealthVerdict.DIFFERS
+    is_loop_known = all(_count(runs, name) >= LAST_RUNS for name in LOOP)
+    return HealthVerdict.UNCHANGED if is_loop_known else HealthVerdict.UNKNOWN
 
 
 def _count(runs: Sequence[HealthEntry], name: str) -> int:
@@ -216,9 +218,10 @@ def _change(before: Estimate, now: Estimate) -> Estimate:
 
 
 def slope(cycles: Sequence[float] | np.ndarray, values: Sequence[Estimate]) -> Estimate:
-    """Return the slope of `values` over `cycles` by least squares, and its standard error from their scatter.
+    """Return the slope of `values` over `cycles` by least squares, and its standard error.
 
-    Unknown for fewer than three values, and if all have the same number of cycles.
+    The error follows from the scatter of the values, or from their standard errors if these are larger: a few values
+    may lie on a line by chance. Unknown for fewer than three values, and if all have the same number of cycles.
     """
     x, y = np.asarray(cycles, np.float64), np.array([one.value for one in values])
     x = x - x.mean()
@@ -227,7 +230,9 @@ def slope(cycles: Sequence[float] | np.ndarray, values: Sequence[Estimate]) -> E
         return Estimate()
     per_cycle = float(x @ y) / squares
     residual = y - y.mean() - per_cycle * x
-    return Estimate(per_cycle, sqrt(float(residual @ residual) / (len(x) - 2) / squares))
+    of_values = np.nan_to_num([one.error for one in values])
+    variance = max(float(residual @ residual) / (len(x) - 2), float(np.mean(of_values**2)))
+    return Estimate(per_cycle, sqrt(variance / squares))
 
 
 def _moved(first: HealthEntry, loop: LoopShape) -> Moved:

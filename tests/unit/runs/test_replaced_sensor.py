@@ -16,7 +16,7 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
 from smadrive.runs.comparison.comparison import RunComparison
-from smadrive.runs.cycling.cycles import CycleEvents, Cycling, cycles_of, least_current_a
+from smadrive.runs.cycling.cycles import CycleEvents, Cycling, cycles_of, least_current_a, metrics_of
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_log import TickRecorder, reference_text
@@ -82,6 +82,15 @@ def test_cycles_are_measured_until_the_sensor_fails(log):
     assert all(map(isnan, (unknown.stroke_mm, unknown.rms_percent, unknown.max_percent)))
     assert unknown.rest_ohm == pytest.approx(16.5)
     assert unknown.temperature_max_c == 80.0
+
+
+@pytest.mark.parametrize(("lost_from", "knows_stroke", "knows_error"), [(90, True, True), (30, False, False)])
+def test_cycle_of_which_an_end_was_not_measured_has_no_stroke(lost_from, knows_stroke, knows_error):
+    setpoint_mm = 5.5 - 3.5 * np.cos(2.0 * np.pi * np.arange(100) / 99.0)
+    measured_mm = np.where(np.arange(100) < lost_from, setpoint_mm, np.nan)
+    rows = np.column_stack([np.arange(100.0), setpoint_mm, measured_mm, *np.full((3, 100), 1.0)])
+    found = metrics_of(1, rows, travel_mm(WIRE.model), 0.01)
+    assert [isnan(found.stroke_mm), isnan(found.rms_percent)] == [not knows_stroke, not knows_error]
 
 
 def test_measurement_that_tripped_is_in_no_cycle(log):

@@ -76,7 +76,7 @@ def test_resistance_that_contradicted_the_sensor_is_a_caveat(contradicting, coun
 @pytest.mark.parametrize("has_sensor", [True, False])
 @pytest.mark.parametrize(
     ("differs_mm", "deviation_mm", "samples", "count"),
-    [(0.1, 0.02, 100, 0), (2.0, 0.02, 100, 1), (2.0, 1.0, 100, 0), (2.0, 0.02, 10, 0)],
+    [(0.1, 0.02, 100, 0), (2.0, 0.02, 100, 1), (2.0, 1.0, 100, 0), (2.0, 0.02, 10, 1), (1.0, 0.02, 10, 0)],
 )
 def test_displacement_by_resistance_that_differs_is_a_caveat(has_sensor, differs_mm, deviation_mm, samples, count):
     log = log_of([] if has_sensor else range(100))

@@ -52,6 +52,17 @@ def test_resistance_that_rests_on_an_estimate_shows_no_drift():
     assert (found.verdict, found.drifts) == (HealthVerdict.UNKNOWN, {})
 
 
+def test_wire_is_not_called_unchanged_before_its_loop_is_measured():
+    values = {name: Estimate() for name in ("heating_c", "cooling_c", "stroke_mm")}
+    assert health(*[run(**values)] * 3).verdict is HealthVerdict.UNKNOWN
+    assert health(*[run()] * 3).verdict is HealthVerdict.UNCHANGED
+
+
+def test_slope_is_no_more_certain_than_its_values():
+    on_a_line = slope([1.0, 2.0, 3.0], [Estimate(value, 0.1) for value in (1.0, 1.1, 1.2)])
+    assert on_a_line.error == pytest.approx(0.1 / np.sqrt(2.0))
+
+
 def test_scatter_within_the_errors_is_no_drift():
     found = health(run(heating_c=Estimate(90.2, 0.1)), run(heating_c=Estimate(90.25, 0.1)))
     assert (found.verdict, found.error_percent) == (HealthVerdict.UNCHANGED, 0.0)
@@ -117,7 +128,7 @@ def test_run_without_a_sensor_leaves_the_loop_unknown():
     blind = {name: Estimate() for name in ("heating_c", "cooling_c", "stroke_mm")}
     found = health(run(**blind), run(**blind))
     assert list(found.drifts) == ["rest_ohm"]
-    assert found.verdict is HealthVerdict.UNCHANGED
+    assert found.verdict is HealthVerdict.UNKNOWN
 
 
 def test_slope_of_noisy_values_has_an_honest_error():
