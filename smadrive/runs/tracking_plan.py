@@ -5,7 +5,7 @@ Nothing is heated. The caller shows the caveats of the plan before the run.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -67,23 +67,19 @@ def check_reach(given: Reference, identified: IdentifiedWire) -> None:
 
     The caveats of the wire are added to the error as notes.
     """
-    with _noted(_model_notes(identified)):
+    with _caveats_noted(identified):
         given.check_within(travel_mm(identified.model))
 
 
 @contextmanager
-def _noted(notes: Iterable[str]) -> Iterator[None]:
-    """Add the notes to a ConfigError in the `with` block: often the model or a sensor is wrong, not the reference."""
+def _caveats_noted(identified: IdentifiedWire) -> Iterator[None]:
+    """Add the caveats of the wire to a ConfigError in the `with` block: often the model is wrong, not the reference."""
     try:
         yield
     except ConfigError as error:
-        for note in notes:
-            error.add_note(note)
+        for caveat in _caveats_of(identified):
+            error.add_note(f"the model has a caveat: {caveat}")
         raise
-
-
-def _model_notes(identified: IdentifiedWire) -> list[str]:
-    return [f"the model has a caveat: {caveat}" for caveat in _caveats_of(identified)]
 
 
 def _caveats_of(identified: IdentifiedWire) -> list[str]:
@@ -142,9 +138,8 @@ def plan_tracking(
     chosen, limits = displacement_from or rig.config.displacement_from, rig.config.limits
     limit_c = limits.temperature_max_c
     check_rig_limits(given.scored_mm, limits.displacement_min_mm, limits.displacement_max_mm)
-    measured = rig.measure()
-    resting = resting_caveats(wire.model, measured, chosen)
-    with _noted((*_model_notes(identified), *resting)):
+    with _caveats_noted(identified):
+        measured = rig.measure()
         start, once = _start(rig, measured, given, wire, chosen)
         if cycling is None:
             given, cycling = once, Cycling(once.repeats) if once.repeats > 1 else None
@@ -164,7 +159,7 @@ def plan_tracking(
     changed = (SMOOTHED_AGAIN,) if continues and not simulated.feasible else ()
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
     check = rig.check_sensing if displacement_from is None else rig.check_chosen
-    sensing = *check(in_file, chosen, start.temperature_c), *resting
+    sensing = *check(in_file, chosen, start.temperature_c), *resting_caveats(wire.model, measured, chosen)
     of_the_model = *_caveats_of(identified), *_memory_caveats(identified, followed)
     held_back = derating_caveats(followed.hottest_c, limit_c)
     caveats = *simulated.caveats, *changed, *held_back, *of_the_model, *not_adapted, *sensing
