@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from marks import exhaustive
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
@@ -110,7 +111,7 @@ def test_wire_without_resistance_is_refused(tmp_path):
     assert raised.value.where == "displacement_from"
 
 
-@pytest.mark.parametrize("chosen", [None, DisplacementFrom.SENSOR])
+@pytest.mark.parametrize("chosen", [exhaustive(None), DisplacementFrom.SENSOR])
 def test_sensor_that_the_rig_lacks_is_refused_only_if_the_user_chooses_it(chosen):
     config = load_rig("in-process")
     devices = [device.model_copy(update={"measures": ["temperature"]}) for device in config.devices]

@@ -89,6 +89,7 @@ def test_record_shows_an_aged_wire(wire_file):
     assert health_values(assessment_of(read_log(wire_file.with_name("run2.h5"))))["verdict"] == "identify it again"
 
 
+@pytest.mark.exhaustive
 def test_run_without_a_measured_displacement_shows_no_drift(wire_file):
     devices = tuple(device.model_copy(update={"measures": ("temperature",)}) for device in CONFIG.devices)
     blind = CONFIG.model_copy(update={"devices": devices})
