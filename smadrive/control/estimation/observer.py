@@ -71,7 +71,6 @@ wire.
 LEAST_EXCESS_C = 5.0
 """Least difference from the ambient temperature, K, at which the power of a draft is proportional to the difference."""
 
-
 MOST_READ_C = 30.0
 """Largest innovation of the thermocouple, K. A larger one is a wrong sample; the supervisor trips if it lasts."""
 

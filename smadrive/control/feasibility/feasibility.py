@@ -147,5 +147,5 @@ class Feasibility:
         if self.in_approach and self.limit == "cooling":
             return "let the wire cool first, because it is still hot (in Python: rig.cool_down(60)), or "
         if self.in_approach:
-            return "check the zero of the displacement sensor, because the error is in the approach, or "
+            return "check the displacement at the start and the zero of its sensor, because the approach fails, or "
         return "" if self.slower > JUMP else f"slow the reference down about {self.slower:.1f} times, or "
