@@ -57,12 +57,12 @@ MOST_SAMPLES = 1500
 """A path with more samples is thinned out to this number. Its turning points stay."""
 
 LEAST_TRAVEL = 0.1
-"""A run in which the wire travels less than this share of its stroke does not show the loop."""
+"""A run whose measured travel is less than this share of the stroke does not show the loop."""
 
 MOST_MISFIT = 3.0
 """Largest RMS difference of a run from its fitted loop, in % of the stroke.
 
-A larger one has another cause than a moved loop: a bad sensor, or reversals that are hidden by its noise.
+A larger one has another cause than a moved loop: a bad sensor, or reversals that the noise of the thermocouple hides.
 """
 
 MODEL_ERROR = 0.01
@@ -71,11 +71,11 @@ MODEL_ERROR = 0.01
 ITERATIONS, SETTLED = 10, 0.005
 """Largest number of linearisations. The fit ends when no shift, in K, and no share changes by more than `SETTLED`.
 
-Linearised only at the identified loop, a shift of twice the width of a branch would be wrong by half.
+A single linearisation, at the identified loop, would find half of a shift of twice the width of a branch.
 """
 
 FAR_C, APART_C = 20.0, 2.0
-"""The fit begins at the best common shift of both branches within ± `FAR_C`, of those that are `APART_C` apart, K."""
+"""The fit begins at the best common shift of both branches, from -`FAR_C` to `FAR_C` in steps of `APART_C`, K."""
 
 DIFFERENCE_C = 0.5
 
@@ -165,9 +165,9 @@ def _fitted(
     drift = _nearest_shift(model, before, path_c, moved_mm)
     for _ in range(ITERATIONS):
         base_mm, jacobian = _linearized(model, before, drift, path_c, start_mm)
-        before_it, error = drift, (moved_mm - base_mm) / stroke_mm
+        previous, error = drift, (moved_mm - base_mm) / stroke_mm
         drift, covariance = _estimate(jacobian, error + jacobian @ drift, prior)
-        if float(np.abs(drift - before_it).max()) <= SETTLED:
+        if float(np.abs(drift - previous).max()) <= SETTLED:
             return drift, covariance
     return None
 

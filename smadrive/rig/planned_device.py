@@ -75,9 +75,10 @@ class PlannedDevice:
         return HeaterBoard if self.profile.profile.role == "heater" else BenchSupply
 
     def measures(self, quantity: str) -> bool:
-        """Return True if the rig takes `quantity` from this device; ConfigError if the device cannot measure it.
+        """Return True if the rig takes `quantity` from this device.
 
-        The resistance of the wire follows from current and voltage of the device that heats.
+        ConfigError if `measures` names a quantity that the profile lacks. The resistance of the wire follows from
+        current and voltage of the device that heats.
         """
         if quantity == "resistance":
             return self.heats and self.profile.roles.measure_resistance

@@ -137,7 +137,7 @@ def _worst(plan: CampaignPlan, table: DataFrame, metric: str, logs: Mapping[int,
     yield Grid(("run", *axes, labelled(metric), "status"), rows, "Worst runs")
     if logs:
         of_truth = " The errors in the table are those of the true displacement." if metric in TRUE_ERRORS else ""
-        yield Notes([f"The plots show what each run has measured, and what its controller has estimated.{of_truth}"])
+        yield Notes([f"The plots show the measured and the estimated values of each run.{of_truth}"])
     for number, path in logs.items():
         for plot in islice(log_plots(read_log(path)), LOG_PLOTS):
             yield Plot(f"Run {number}: {plot.title.lower()}", plot.figure, f"{path.name}. {plot.caption}")

@@ -146,6 +146,8 @@ class Feasibility:
             return f"let the reference end where it begins, without the way back of {way_back_s:g} s, or "
         if self.in_approach and self.limit == "cooling":
             return "let the wire cool first, because it is still hot (in Python: rig.cool_down(60)), or "
+        if self.in_approach and self.limit == "heater":
+            return "check current_max_a and the zero of a displacement sensor, begin at a lower displacement, or "
         if self.in_approach:
-            return "check the displacement at the start and the zero of its sensor, because the approach fails, or "
+            return "check the zero of a displacement sensor, begin the reference at another displacement, or "
         return "" if self.slower > JUMP else f"slow the reference down about {self.slower:.1f} times, or "

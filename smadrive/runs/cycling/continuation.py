@@ -35,8 +35,8 @@ class Continuation(NamedTuple):
     """The data for the rest of a cycling run. `reference` is one cycle, without the approach.
 
     `caveats` has a warning for each difference from the previous part: of the rig file, and of the source of the
-    displacement. `displacement_from` is None if no source was chosen, and the log names
-    none or the one of the rig file.
+    displacement. `displacement_from` is None if no source was chosen, and the log names none, or the source of
+    the rig file.
     """
 
     reference: Reference

@@ -41,7 +41,7 @@ EVENT = "cycle "
 
 @dataclass(frozen=True)
 class CycleMetrics:
-    """The metrics of one cycle. Unknown values are NaN, such as errors if most of the displacement was not measured.
+    """The metrics of one cycle. Unknown values are NaN: the errors if most of the displacement was not measured.
 
     cycle                       number of the cycle, from 1
     stroke_mm                   highest minus lowest measured displacement; unknown if an end was not measured
@@ -120,7 +120,8 @@ def cycles_of(log: Log) -> list[CycleMetrics]:
 class CycleEvents:
     """Writes an event after each cycle of a run. Call `tick` with every tick, `finish` after a complete run.
 
-    `write` takes the text of an event. `travel` is that of the wire's model; see also `least_current_a`.
+    `write` takes the text of an event. `travel` is that of the wire's model. `least_current_a` is
+    the least current of a sample that shows the resistance at rest, A.
     """
 
     def __init__(

@@ -24,7 +24,7 @@ from smadrive.runs.run_kind import RunKind
 from smadrive.runs.run_metadata import rig_config_of, wire_of
 
 NOT_SCORED = "The approach (grey) brings the wire to the reference and is not scored."
-REPLACED = "While the sensor was replaced, no error is known."
+REPLACED = "The error is unknown while the sensor was replaced."
 
 PLANE_POINTS = 6000
 """The plot of displacement over temperature shows every n-th row of the log: n = max(1, rows // PLANE_POINTS)."""
@@ -50,7 +50,7 @@ def _tracking(log: Log) -> Plot:
     replaced_mm = np.where(np.isfinite(measured_mm(log)), np.nan, log.column_with_gaps("displacement_mm"))
     is_replaced = bool(np.isfinite(replaced_mm).any())
     if is_replaced:
-        line(upper, log.column("time_s"), replaced_mm, color=FAINT, lw=1.8, label="sensor, replaced")
+        line(upper, log.column("time_s"), replaced_mm, color=FAINT, lw=1.8, label="sensor (not used)")
     line(upper, log.column("time_s"), measured_mm(log), color=MEASURED, lw=1.8, label=COLUMNS["displacement_mm"].role)
     _draw(upper, log, "estimated_mm", color=ESTIMATED, lw=0.9)
     _draw(upper, log, "setpoint_mm", color=SETPOINT, ls="--", lw=1.0)

@@ -148,7 +148,7 @@ def _moved_mm(log: Log) -> FloatArray:
 
 
 def _drift(log: Log, wire: WireModel, config: RigConfig) -> LoopDrift:
-    """Return the drift of the loop; unknown if the sensor was replaced, because the samples left fit the old model."""
+    """Return the drift of the loop; unknown if the sensor was replaced, as the remaining samples fit the old model."""
     if replaced_share(log) > FEW_MISSING:
         return UNKNOWN
     moved_mm = np.where(np.isfinite(measured_mm(log)), displacement_in_time(log), nan)

@@ -31,7 +31,7 @@ Each pair is such a difference, as a share of the stroke, and the share of the s
 within `DEVIATIONS` standard deviations does not count.
 """
 
-CHECK_WIRE = "has a draft, a load, a bead or a contact changed? If none has, identify the wire again"
+CHECK_WIRE = "check the bead, the contacts, the load and the air around the wire; if all are right, identify it again"
 CHECK_SENSOR = "check how the sensor is mounted, the contacts and the leads"
 
 
@@ -84,7 +84,7 @@ def _contradiction_caveats(log: Log) -> tuple[str, ...]:
 def _difference_caveats(log: Log) -> tuple[str, ...]:
     """Return a caveat if the displacement by the resistance often differs from the displacement that the run shows.
 
-    The run shows the displacement by the sensor, or without one the estimate, which may rest on the model alone.
+    The run shows the displacement by the sensor, or without one the estimate, which the model alone may give.
     """
     needed = {"by_resistance_mm", "by_resistance_sd_mm", "estimated_mm"}
     if "wire" not in log.metadata or not needed <= log.columns.keys():
@@ -99,7 +99,7 @@ def _difference_caveats(log: Log) -> tuple[str, ...]:
         share = of_finite(np.mean, differs[np.isfinite(difference_mm)].astype(np.float64))
         if share > often:
             percent = 100.0 * float(np.median(difference_mm[differs])) / stroke_mm
-            when = f"for {100.0 * share:.0f} % of the time the displacement by the resistance differed from"
+            when = f"in {100.0 * share:.0f} % of its samples the displacement by the resistance differed from"
             what = f"{when} {'the sensor' if is_measured else 'the estimate'} by {percent:.0f} % of the stroke (median)"
             return (f"{what}: {CHECK_SENSOR if is_measured else CHECK_WIRE}",)
     return ()

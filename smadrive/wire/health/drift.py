@@ -116,7 +116,7 @@ class WireHealth(NamedTuple):
         allowed = f"an identification leaves {self.allowed_percent:.2g} %"
         match self.verdict:
             case HealthVerdict.UNKNOWN:
-                return f"the drift of the wire is not known before {LAST_RUNS} runs have measured its loop"
+                return f"the drift of the wire is unknown: it needs {LAST_RUNS} runs with a displacement sensor"
             case HealthVerdict.JUMPED:
                 rest = self.drifts["rest_ohm"]
                 jump = f"{rest.before.value:.4g} Ω when identified, {rest.now.value:.4g} Ω in the last run"

@@ -49,7 +49,7 @@ class HealthEntry(BaseModel):
     log                 name of the log, without its folder
     tripped             True if a trip ended the run
     rest_ohm            resistance at rest: of the cold wire, with leads and contacts, Ω
-    estimated_rest_ohm  the same from a run without a measured displacement. It rests on the model: it shows no drift
+    estimated_rest_ohm  resistance at rest by the estimated displacement, if none was measured, Ω; shows no drift
     rest_spread         largest deviation of the resistance from the model during the run, as a share
     rest_c              mean temperature of the wire during this measurement, °C
     stroke_mm           stroke of the wire, mm

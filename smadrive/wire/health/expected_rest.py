@@ -61,5 +61,5 @@ def _counts(run: HealthEntry) -> bool:
 
 
 def _rest_ohm(run: HealthEntry) -> float:
-    """Return the resistance at rest that the run has measured, else the one that rests on its estimate."""
+    """Return the resistance at rest by the measured displacement, or if there is none, by the estimated one, Ω."""
     return run.rest_ohm.value if run.rest_ohm.is_known else run.estimated_rest_ohm.value

@@ -1,6 +1,7 @@
 """`report` makes a page and a table with all content of a log, whatever ended the run."""
 
 import json
+import re
 import shutil
 import sys
 from dataclasses import replace
@@ -179,6 +180,17 @@ def test_unknown_error_is_a_warning_and_not_drawn(logs, tmp_path):
         write_log_report(tmp_path / "page.html", log)
         text = (tmp_path / "page.html").read_text()
         assert f"Warning: the tracking error is unknown: {reason}" in text.partition("<h2>")[0]
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(("measured", "text"), [(True, "sensor"), (False, "sensor (it measured nothing)")])
+def test_page_marks_a_source_that_gave_no_displacement(logs, tmp_path, measured, text):
+    log = read_log(logs / "complete.h5")
+    if not measured:
+        nothing = np.full_like(log.column("time_s"), np.nan)
+        log = replace(log, columns={**log.columns, "displacement_mm": nothing})
+    write_log_report(tmp_path / "page.html", replace(log, metadata={**log.metadata, "displacement_from": "sensor"}))
+    assert re.search(rf"displacement from</td>\s*<td[^>]*>{re.escape(text)}<", (tmp_path / "page.html").read_text())
 
 
 def test_page_without_caveats_has_no_warning(logs):

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from smadrive.display.number_text import quantity
+from smadrive.measurement import DisplacementFrom
 from smadrive.runs.comparison.settings import set_values
 from smadrive.runs.cycling.cycle_table import CYCLE_HEADER, cycle_rows, thinned
 from smadrive.runs.cycling.cycles import cycles_of, cycling_of
@@ -172,9 +173,20 @@ def _provenance(log: Log) -> Grid:
         *((f"address of {device.name}", device.url) for device in rig_config_of(log).devices),
         ("versions", versions),
         ("machine", log.text("machine")),
-        *((name.replace("_", " "), log.metadata[name]) for name in NAMED if name in log.metadata),
+        *((name.replace("_", " "), _named(log, name)) for name in NAMED if name in log.metadata),
     ]
     return Grid(("", ""), rows, "Provenance", texts=True)
+
+
+def _named(log: Log, name: str) -> str:
+    """Return the text of the metadata `name`. A source that gave no displacement is marked."""
+    text = log.text(name)
+    is_missing = name == "displacement_from" and text == DisplacementFrom.SENSOR and not _has_displacement(log)
+    return f"{text} (it measured nothing)" if is_missing else text
+
+
+def _has_displacement(log: Log) -> bool:
+    return bool(np.isfinite(log.column_with_gaps("displacement_mm")).any())
 
 
 def _background(log: Log) -> Iterator[PagePart]:
