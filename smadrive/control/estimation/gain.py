@@ -42,6 +42,9 @@ from smadrive.wire.wire_model import WireModel
 
 GainRows = tuple[tuple[float, ...], ...]
 
+Innovations = tuple[tuple[float, float, float, float], ...]
+"""For each of the five estimates: the innovations of thermocouple and phase, and those that the larger gains act on."""
+
 CACHED_GAINS = 4096
 """Number of gains that are cached: another controller for the same wire does not solve its gains again."""
 
@@ -117,26 +120,28 @@ class GainTable:
 
         `slope` is the derivative of the phase with respect to the wire temperature, 1/K. `read_c` is measured -
         expected temperature of the thermocouple, K, and `phase_error` measured - expected phase, whose noise has the
-        standard deviation `noise`. The level of `evidence` goes from 0, for the gains in calm air, to 1, for the gains
-        in a disturbance. The larger gains apply to at most `MOST_NOISES` standard deviations of the noise, or to an
-        innovation that repeats, because a spike of a sensor is no disturbance.
+        standard deviation `noise`. The levels of `evidence` go from 0, for the gains in calm air, to 1, for the gains
+        in a disturbance: `level` for temperatures and power, `lasting` for shift and phase. The larger gains apply to
+        at most `MOST_NOISES` standard deviations of the noise, or to an innovation that repeats, because a spike of a
+        sensor is no disturbance.
         """
         noise = min(max(noise, self._noise), self._most_noise)
         most, repeated = MOST_NOISES * noise, evidence.repeated
-        more_c = evidence.level * min(max(read_c, -self._most_c), self._most_c)
-        more = evidence.level * min(max(phase_error, min(-most, repeated)), max(most, repeated))
-        innovation = read_c, phase_error, more_c, more
+        limited_c = min(max(read_c, -self._most_c), self._most_c)
+        limited = min(max(phase_error, min(-most, repeated)), max(most, repeated))
+        thermal = read_c, phase_error, evidence.level * limited_c, evidence.level * limited
+        mechanical = read_c, phase_error, evidence.lasting * limited_c, evidence.lasting * limited
+        innovations = thermal, thermal, thermal, mechanical, mechanical
         place = min(log(noise / self._noise, NOISE_STEP), self._last) if noise > self._noise else 0.0
         level = int(place)
-        below = self._correction(level, slope, innovation)
+        below = self._correction(level, slope, innovations)
         if place == level:
             return Correction(*below)
-        above, share = self._correction(level + 1, slope, innovation), place - level
+        above, share = self._correction(level + 1, slope, innovations), place - level
         return Correction(*[low + share * (high - low) for low, high in zip(below, above, strict=True)])
 
-    def _correction(self, level: int, slope: float, innovation: tuple[float, float, float, float]) -> list[float]:
+    def _correction(self, level: int, slope: float, innovations: Innovations) -> list[float]:
         """Return the correction by the gains of one noise, interpolated between the two slopes next to `slope`."""
-        read_c, phase_error, more_c, more = innovation
         place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
         cell = min(int(place), SLOPES - 2)
         above = place - cell
@@ -146,8 +151,8 @@ class GainTable:
             + (below * b0 + above * b1) * phase_error
             + (below * c0 + above * c1) * more_c
             + (below * d0 + above * d1) * more
-            for (a0, b0, c0, d0), (a1, b1, c1, d1) in zip(
-                self._both[level][cell], self._both[level][cell + 1], strict=True
+            for (a0, b0, c0, d0), (a1, b1, c1, d1), (read_c, phase_error, more_c, more) in zip(
+                self._both[level][cell], self._both[level][cell + 1], innovations, strict=True
             )
         ]
 

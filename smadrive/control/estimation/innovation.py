@@ -11,7 +11,9 @@ observer raises its Kalman gains (adaptive Kalman filter; Roberts, Technometrics
 mean).
 
 A draft begins or ceases within a second or two. Evidence that lasts longer has another cause: a bead that comes off
-lags by seconds, and with the larger gains the wire would overheat. So the integral of the level over time is limited.
+lags by seconds, and with larger gains for the temperatures the wire would overheat. So the integral of the level over
+time is limited. The gains for shift and phase follow a second level, `lasting`, without this limit: a load that changes
+while the wire turns takes longer to learn, because there the displacement hardly depends on the temperature.
 """
 
 from __future__ import annotations
@@ -55,6 +57,7 @@ class DisturbanceEvidence(NamedTuple):
     phase     mean innovation of the displacement, as a share of the travel
     level     0 while the innovations look like noise, 1 for a certain disturbance
     spent_s   integral of the level over time, forgotten with the time constant `FORGET_S`, s
+    lasting   the level without a limit of its integral
     repeated  part of the last innovation of the displacement that the earlier ones also had: twice their mean
     """
 
@@ -62,6 +65,7 @@ class DisturbanceEvidence(NamedTuple):
     phase: float = 0.0
     level: float = 0.0
     spent_s: float = 0.0
+    lasting: float = 0.0
     repeated: float = 0.0
 
 
@@ -103,10 +107,12 @@ class InnovationTest:
         return _grown(abs(mean_c) / hypot(self._read_c, LAG_SHARE * gap_c), READ_THRESHOLDS)
 
     def _limited(self, before: DisturbanceEvidence, mean_c: float, mean: float, grown: float) -> DisturbanceEvidence:
-        """Return the state with the level `grown`, or with the decayed level of `before` if that is larger."""
-        level = max(before.level * self._decay, grown)
+        """Return the state with the levels `grown`, or with a decayed level of `before` if that is larger."""
+        level, lasting = max(before.level * self._decay, grown), max(before.lasting * self._decay, grown)
         spent_s = before.spent_s * self._forget + level * self._period_s
-        return DisturbanceEvidence(mean_c, mean, level if spent_s < MOST_S else 0.0, spent_s, 2.0 * before.phase)
+        return DisturbanceEvidence(
+            mean_c, mean, level if spent_s < MOST_S else 0.0, spent_s, lasting, 2.0 * before.phase
+        )
 
 
 def _grown(deviations: float, thresholds: tuple[float, float]) -> float:

@@ -48,6 +48,12 @@ def test_evidence_ends_if_it_lasts(test):
     assert after(test, np.full(ticks + 20, 5.0 * NOISE_C)).level == 0.0
 
 
+def test_evidence_for_shift_and_phase_does_not_end_before_the_disturbance(test):
+    lasts = after(test, np.full(round(10.0 * MOST_S / PERIOD_S), 5.0 * NOISE_C))
+    assert lasts.lasting == 1.0
+    assert after(test, np.zeros(round(5.0 * HOLD_S / PERIOD_S)), lasts).lasting < 0.01
+
+
 def test_displacement_finds_a_disturbance_before_the_thermocouple(test):
     state = DisturbanceEvidence()
     for _ in range(10):

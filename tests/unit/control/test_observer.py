@@ -191,12 +191,14 @@ def test_innovation_that_repeats_counts_whole_and_a_spike_does_not():
     assert errors_mm[1] < 0.6 * errors_mm[0]
 
 
-def test_displacement_of_a_disturbed_wire_is_followed_where_the_model_does_not_move():
+@pytest.mark.parametrize("spent_s", [0.0, 100.0], ids=["begins", "lasts"])
+def test_displacement_of_a_disturbed_wire_is_followed_where_the_model_does_not_move(spent_s):
     """A changed load moves the wire at a constant temperature. The displacement has the noise of the resistance."""
     resistance = WireResistance(22.0, 16.5, 0.01, 0.04, 0.01, 0.01, 0.0, (0.0, 80.0, 160.0), (14.0,) * 3)
     observer, state = WireObserver(WireModel(LOOP, TRUE, resistance), DT_S, 0.1, 0.012), LOOP.initial_state(88.0)
     state = LOOP.step(state, 82.0)
-    estimate = observer.start(82.0, state.y)._replace(evidence=DisturbanceEvidence(level=1.0), play=Play(82.0, 1))
+    evidence = DisturbanceEvidence(spent_s=spent_s, lasting=1.0)
+    estimate = observer.start(82.0, state.y)._replace(evidence=evidence, play=Play(82.0, 1))
     for _ in range(2):
         estimate = observer.update(
             estimate, 82.0, state.y - 1.0, TRUE.power_w(82.0, 0.0, 0.0), DT_S, 0.12, by_sensor=False
