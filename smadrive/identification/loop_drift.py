@@ -162,7 +162,7 @@ def _fitted(
     likely = LikelyChanges()
     prior = np.diag(np.array([likely.drift_c, likely.drift_c, likely.drift, likely.drift]) ** -2.0)
     start_mm, stroke_mm = float(moved_mm[0]), abs(model.scale)
-    drift = _nearest_shift(model, before, path_c, moved_mm)
+    drift = _nearest_shift(model, path_c, moved_mm)
     for _ in range(ITERATIONS):
         base_mm, jacobian = _linearized(model, before, drift, path_c, start_mm)
         previous, error = drift, (moved_mm - base_mm) / stroke_mm
@@ -172,11 +172,15 @@ def _fitted(
     return None
 
 
-def _nearest_shift(model: IdentifiedModel, before: BranchShape, path_c: FloatArray, moved_mm: FloatArray) -> FloatArray:
-    """Return x for the common shift of both branches with which the model is nearest to the displacements."""
-    shifts = np.arange(-FAR_C, FAR_C + APART_C, APART_C)
-    common = [np.array([shift_k, shift_k, 0.0, 0.0]) for shift_k in shifts]
-    return min(common, key=lambda drift: _misfit_percent(model, before, drift, path_c, moved_mm))
+def _nearest_shift(model: IdentifiedModel, path_c: FloatArray, moved_mm: FloatArray) -> FloatArray:
+    """Return x for the common shift of both branches with which the model is nearest to the displacements.
+
+    The branches shift by as much as the temperatures would have to fall, so the model stays as it is.
+    """
+    shifts_k, start_mm = np.arange(-FAR_C, FAR_C + APART_C, APART_C), float(moved_mm[0])
+    errors_mm = [model.simulate(path_c - shift_k, start_mm) - moved_mm for shift_k in shifts_k]
+    nearest_k = shifts_k[np.argmin([np.mean(error_mm**2) for error_mm in errors_mm])]
+    return np.array([nearest_k, nearest_k, 0.0, 0.0])
 
 
 def _misfit_percent(
