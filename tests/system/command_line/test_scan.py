@@ -8,7 +8,6 @@ import sys
 
 import programs
 import pytest
-from marks import exhaustive
 
 from smadrive.devices.state.lock import Role, lock_line
 from smadrive.modbus.transports.connect import port_of
@@ -30,9 +29,10 @@ def scan(*arguments):
     return programs.run(command, check=False, capture_output=True, text=True)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("profile", "proved", "possible"),
-    [("riden-rd60xx", ["riden-rd60xx"], []), exhaustive("baumer-om20", [], ["baumer-om20"])],
+    [("riden-rd60xx", ["riden-rd60xx"], []), ("baumer-om20", [], ["baumer-om20"])],
 )
 def test_device_is_found_with_the_profiles_that_match(profile, proved, possible):
     with served(profile) as url:

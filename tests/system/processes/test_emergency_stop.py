@@ -162,7 +162,8 @@ def test_running_driver_is_stopped(heated):
     assert (done["safe"], done["faults"]) == (True, [])
 
 
-@pytest.mark.parametrize("profile", ["autonics-tk", exhaustive(None)], ids=["heats nothing", "another source"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("profile", ["autonics-tk", None], ids=["heats nothing", "another source"])
 def test_failed_off_names_the_driver_that_it_stopped(heated, profile):
     right, other = ("sma-reference", "riden-rd60xx")[:: 1 if heated.kind == "board" else -1]
     with heated.drive() as driver:

@@ -361,6 +361,7 @@ def test_no_file_of_the_present_folder_runs_in_place_of_the_guardian(tmp_path, m
         guard.stand_down()
 
 
+@pytest.mark.exhaustive
 def test_stopped_guardian_is_killed_at_stand_down():
     with served("riden-rd60xx") as (_, url):
         task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=3.0)

@@ -149,7 +149,8 @@ def test_the_supply_that_heated_is_switched_off_when_it_is_back(stage):
     assert waiting_duties() == []
 
 
-@pytest.mark.parametrize("command", [exhaustive("probe"), "off"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("command", ["probe", "off"])
 def test_absent_device_is_reported_with_its_waiting_guardian(stage, command):
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", str(stage.folder / "port"))
     guardian = stage.disconnect(stage.heat(url), supply)

@@ -229,6 +229,7 @@ def test_servo_can_be_stopped_in_a_function_that_it_calls(rig, servo, where):
     assert not rig.measure().armed
 
 
+@pytest.mark.exhaustive
 def test_trip_fails_the_motion_and_ends_at_zero_current(wire, tmp_path):
     config = load_rig("in-process")
     limits = config.limits.model_copy(update={"tracking_max_mm": 0.5, "tracking_for_s": 0.2})

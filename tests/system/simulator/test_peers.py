@@ -79,6 +79,7 @@ def test_libmodbus_gets_the_exception_codes(simulator):
 
 
 @needs_mbpoll
+@pytest.mark.exhaustive
 def test_mbpoll_writes_and_reads_the_simulator(simulator):
     kind, where = simulator
     line = ["-m", "rtu", "-b115200", "-Pnone", where] if kind == "rtu" else ["-m", "tcp", "-p", where, "127.0.0.1"]
@@ -216,6 +217,7 @@ def test_driver_drives_a_libmodbus_server_by_a_profile(kind, tmp_path):
 
 
 @needs_libmodbus
+@pytest.mark.exhaustive
 def test_libmodbus_server_with_another_identity_is_not_written(tmp_path):
     profile = foreign_profile("rtu", tmp_path)
     with libmodbus.server("rtu", 7, ((900, 4712),)) as where, open_board("rtu", where) as transport:

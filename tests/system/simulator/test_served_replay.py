@@ -5,6 +5,7 @@ import sys
 
 import programs
 import pytest
+from marks import exhaustive
 from served import COMMAND, PATIENT, SIM, served
 
 from smadrive.devices.device import Device
@@ -36,7 +37,7 @@ def readings(client):
     return [device.read(NAMES) for _ in range(3)]
 
 
-@pytest.mark.parametrize("option", ["--pty", "--tcp"])
+@pytest.mark.parametrize("option", [exhaustive("--pty"), "--tcp"])
 def test_recording_is_served_as_the_recorded_device(option, tmp_path):
     path = tmp_path / "bus.trace"
     with served() as (_, url):

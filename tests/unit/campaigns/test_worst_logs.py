@@ -3,7 +3,6 @@
 import pytest
 from distributed import Client, LocalCluster
 from exact_wire import exact_wire
-from marks import exhaustive
 
 from smadrive.campaigns.campaign import LOGS, conduct, worst_numbers, write_worst_logs
 from smadrive.campaigns.execution.journal import Journal
@@ -73,7 +72,8 @@ def test_log_that_fails_is_a_reason_and_the_report_is_written(client, plan, tmp_
     assert ("Run 0: tracking" in page, "Run 1: tracking" in page) == (True, False)
 
 
-@pytest.mark.parametrize("cause", [exhaustive("no scheduler"), "a file in place of the folder"])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("cause", ["no scheduler", "a file in place of the folder"])
 def test_error_that_stops_all_logs_is_the_reason_of_each(client, plan, tmp_path, cause):
     table = results_table(plan, {number: execute(plan.run(number)) for number in range(plan.count)})
     if cause == "no scheduler":

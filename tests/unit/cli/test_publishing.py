@@ -47,6 +47,7 @@ def test_trip_comes_before_the_counts_that_cannot_be_printed(fill_disk):
     assert raised.value is trip
 
 
+@pytest.mark.exhaustive
 def test_counts_that_cannot_be_printed_are_an_error_without_another_one(fill_disk):
     with pytest.raises(ConfigError) as raised:
         publish(fill_disk)

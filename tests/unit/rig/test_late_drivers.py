@@ -111,6 +111,7 @@ def test_driver_of_an_ended_terminal_keeps_no_number_from_a_new_one(keys, start)
     assert [driver.pid for driver in stopped] == pids
 
 
+@pytest.mark.exhaustive
 def test_driver_with_several_names_is_killed_once(keys, start, port, tmp_path):
     link = tmp_path / "link"
     link.symlink_to(port)

@@ -112,6 +112,7 @@ def test_end_has_precedence_over_waiting_samples(confirms, samples):
     assert (broker.kinds[-1] == DISCONNECT) == confirms
 
 
+@pytest.mark.exhaustive
 def test_broker_that_restarts_at_the_end_gets_every_retained_message_again():
     broker = ForgetfulBroker(confirms=True)
     with broker.running() as url, Published(url) as published:
