@@ -130,8 +130,8 @@ class GainTable:
         limited_c = min(max(read_c, -self._most_c), self._most_c)
         limited = min(max(phase_error, min(-most, repeated)), max(most, repeated))
         thermal = read_c, phase_error, evidence.level * limited_c, evidence.level * limited
-        mechanical = read_c, phase_error, evidence.lasting * limited_c, evidence.lasting * limited
-        innovations = thermal, thermal, thermal, mechanical, mechanical
+        hysteretic = read_c, phase_error, evidence.lasting * limited_c, evidence.lasting * limited
+        innovations = thermal, thermal, thermal, hysteretic, hysteretic
         place = min(log(noise / self._noise, NOISE_STEP), self._last) if noise > self._noise else 0.0
         level = int(place)
         below = self._correction(level, slope, innovations)

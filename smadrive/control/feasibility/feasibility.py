@@ -147,7 +147,7 @@ class Feasibility:
         if self.in_approach and self.limit == "cooling":
             return "let the wire cool first, because it is still hot (in Python: rig.cool_down(60)), or "
         if self.in_approach and self.limit == "heater":
-            return "check current_max_a and the zero of a displacement sensor, begin at a lower displacement, or "
+            return "check current_max_a and the zero of a displacement sensor, begin the reference lower, or "
         if self.in_approach:
-            return "check the zero of a displacement sensor, begin the reference at another displacement, or "
+            return "check the zero of a displacement sensor, begin at another displacement, or "
         return "" if self.slower > JUMP else f"slow the reference down about {self.slower:.1f} times, or "
