@@ -175,7 +175,7 @@ def _fitted(
 def _nearest_shift(model: IdentifiedModel, path_c: FloatArray, moved_mm: FloatArray) -> FloatArray:
     """Return x for the common shift of both branches with which the model is nearest to the displacements.
 
-    The branches shift by as much as the temperatures would have to fall, so the model stays as it is.
+    With both branches shifted by k, the displacement at T is that of the unchanged model at T - k.
     """
     shifts_k, start_mm = np.arange(-FAR_C, FAR_C + APART_C, APART_C), float(moved_mm[0])
     errors_mm = [model.simulate(path_c - shift_k, start_mm) - moved_mm for shift_k in shifts_k]

@@ -111,7 +111,7 @@ class Fault(Enum):
 
     RESISTANCE_JUMPED = (
         20,
-        "the resistance of the wire is far from that of its last runs, or from its model before three runs",
+        "the resistance of the wire is far from that of its last runs, or of its model if they are too few",
         "check crimps, leads and plugs; is it another wire? If wire and circuit are right, identify the wire again",
     )
 

@@ -41,11 +41,12 @@ EVENT = "cycle "
 
 @dataclass(frozen=True)
 class CycleMetrics:
-    """The metrics of one cycle. Unknown values are NaN: the errors if most of the displacement was not measured.
+    """The metrics of one cycle. Unknown values are NaN.
 
     cycle                       number of the cycle, from 1
     stroke_mm                   highest minus lowest measured displacement; unknown if an end was not measured
-    rms_percent, max_percent    RMS and largest tracking error, in % of the model's stroke
+    rms_percent, max_percent    RMS and largest tracking error, in % of the model's stroke; unknown if most of the
+                                displacement was not measured
     rest_ohm                    resistance at rest
     energy_j                    electrical energy that the wire received
     """

@@ -99,7 +99,7 @@ def _difference_caveats(log: Log) -> tuple[str, ...]:
         share = of_finite(np.mean, differs[np.isfinite(difference_mm)].astype(np.float64))
         if share > often:
             percent = 100.0 * float(np.median(difference_mm[differs])) / stroke_mm
-            when = f"in {100.0 * share:.0f} % of its samples the displacement by the resistance differed from"
+            when = f"in {100.0 * share:.0f} % of the samples the displacement by the resistance differed from"
             what = f"{when} {'the sensor' if is_measured else 'the estimate'} by {percent:.0f} % of the stroke (median)"
             return (f"{what}: {CHECK_SENSOR if is_measured else CHECK_WIRE}",)
     return ()
