@@ -189,6 +189,7 @@ class TrackingController:
         if self._state is None:
             return self._observer.start(measurement.temperature_c, self._sources.start_mm(measurement))
         before = self._state.prediction.before
+        is_held = by_sensor and measurement.displacement_age_s >= dt_s
         return self._observer.update(
             before,
             measurement.temperature_c,
@@ -197,6 +198,7 @@ class TrackingController:
             dt_s,
             displacement.noise_mm,
             by_sensor=by_sensor,
+            is_new=not is_held,
         )
 
     def _coming_period(self, ahead: WireEstimate, source: SourceState, time_s: float, dt_s: float) -> _Period:

@@ -54,8 +54,8 @@ SHIFT_S = 1000.0
 MOST_NOISES = 10.0
 """The gain for a disturbance applies to at most this many standard deviations of the noise in a single innovation."""
 
-NOISE_STEP = 4.0
-"""Ratio of two neighbouring noises of the displacement for which the gains are solved."""
+NOISES, NOISE_STEP = 5, 4.0
+"""Number of displacement noises for which the gains are solved, and the ratio of two neighbouring noises."""
 
 SLOPES = 9
 """Number of slopes for which the gain is solved, from zero to the steepest of the model."""
@@ -85,19 +85,20 @@ class GainTable:
     """The Kalman gains of the observer for one wire, over the slope of the hysteresis model and the displacement noise.
 
     The phase is the displacement as a share of the travel. `noise_c` is the standard deviation of the noise of the
-    thermocouple, K, and `noise` the smallest of the phase. The gains are solved for `noises` noises of the phase,
-    because the noise of the resistance varies. Each is `NOISE_STEP` times the noise before. Between two noises the
-    corrections are interpolated over the logarithm of the noise. A noise above the largest counts as the largest.
+    thermocouple, K, and `noise` the smallest of the phase. The gains are solved for `NOISES` noises of the phase,
+    because the noise of the resistance varies, and that of a sensor grows with the age of its reading. Each is
+    `NOISE_STEP` times the noise before. Between two noises the corrections are interpolated over the logarithm of the
+    noise. A noise above the largest counts as the largest.
     """
 
-    def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float, noises: int = 1) -> None:
+    def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float) -> None:
         balance, slopes = wire.balance, np.linspace(0.0, _steepest(wire), SLOPES).tolist()
-        self._apart, self._last = slopes[1], noises - 1
+        self._apart, self._last = slopes[1], NOISES - 1
         self._most_c = MOST_NOISES * noise_c
         self._noise, self._most_noise = noise, noise * NOISE_STEP**self._last
         self._reading = _more([_reading_gain(balance, period_s, noise_c, process) for process in PRECISE])
         self._both: list[list[GainRows]] = []
-        for level in range(noises):
+        for level in range(NOISES):
             noises_of_level = noise_c, noise * NOISE_STEP**level
             processes = NOISY if level else PRECISE
             self._both.append(

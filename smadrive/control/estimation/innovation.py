@@ -13,7 +13,8 @@ mean).
 A draft begins or ceases within a second or two. Evidence that lasts longer has another cause: a bead that comes off
 lags by seconds, and with larger gains for the temperatures the wire would overheat. So the integral of the level over
 time is limited. The gains for shift and phase follow a second level, `lasting`, without this limit: a load that changes
-while the wire turns takes longer to learn, because there the displacement hardly depends on the temperature.
+while the wire turns takes longer to learn, because there the displacement hardly depends on the temperature. A sensor
+that is read more rarely than the loop runs repeats its error in each tick. So its held readings have the limit, too.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class DisturbanceEvidence(NamedTuple):
     phase     mean innovation of the displacement, as a share of the travel
     level     0 while the innovations look like noise, 1 for a certain disturbance
     spent_s   integral of the level over time, forgotten with the time constant `FORGET_S`, s
-    lasting   the level without a limit of its integral
+    lasting   the level without a limit of its integral; after a held reading of the displacement, the level
     repeated  part of the last innovation of the displacement that the earlier ones also had: twice their mean
     """
 
@@ -88,31 +89,33 @@ class InnovationTest:
         `gap_c` is the difference between the temperatures of wire and thermocouple, K.
         """
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
-        return self._limited(before, mean_c, 0.0, self._of_reading(mean_c, gap_c))
+        return self._limited(before, mean_c, 0.0, self._of_reading(mean_c, gap_c), is_new=True)
 
     def by_both(
-        self, before: DisturbanceEvidence, read_c: float, gap_c: float, phase_error: float
+        self, before: DisturbanceEvidence, read_c: float, gap_c: float, phase_error: float, *, is_new: bool = True
     ) -> DisturbanceEvidence:
         """Return the state after the innovations of thermocouple and displacement.
 
         `read_c` is the innovation of the thermocouple, K, `phase_error` of the displacement, as a share of the travel.
-        `gap_c` is the difference between the temperatures of wire and thermocouple, K.
+        `gap_c` is the difference between the temperatures of wire and thermocouple, K. `is_new` is False for a
+        displacement that is held since the last update.
         """
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
         mean = before.phase + PHASE_WEIGHT * (phase_error - before.phase)
         of_phase = _grown(abs(mean) / self._phase, PHASE_THRESHOLDS)
-        return self._limited(before, mean_c, mean, max(self._of_reading(mean_c, gap_c), of_phase))
+        return self._limited(before, mean_c, mean, max(self._of_reading(mean_c, gap_c), of_phase), is_new=is_new)
 
     def _of_reading(self, mean_c: float, gap_c: float) -> float:
         return _grown(abs(mean_c) / hypot(self._read_c, LAG_SHARE * gap_c), READ_THRESHOLDS)
 
-    def _limited(self, before: DisturbanceEvidence, mean_c: float, mean: float, grown: float) -> DisturbanceEvidence:
+    def _limited(
+        self, before: DisturbanceEvidence, mean_c: float, mean: float, grown: float, *, is_new: bool
+    ) -> DisturbanceEvidence:
         """Return the state with the levels `grown`, or with a decayed level of `before` if that is larger."""
         level, lasting = max(before.level * self._decay, grown), max(before.lasting * self._decay, grown)
         spent_s = before.spent_s * self._forget + level * self._period_s
-        return DisturbanceEvidence(
-            mean_c, mean, level if spent_s < MOST_S else 0.0, spent_s, lasting, 2.0 * before.phase
-        )
+        level = level if spent_s < MOST_S else 0.0
+        return DisturbanceEvidence(mean_c, mean, level, spent_s, lasting if is_new else level, 2.0 * before.phase)
 
 
 def _grown(deviations: float, thresholds: tuple[float, float]) -> float:

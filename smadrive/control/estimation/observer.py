@@ -58,9 +58,6 @@ MARGIN_NOISES = 3.0
 MOST_REDUCED_C = 1.0
 """Largest reduction of one correction by this limit, K. A larger contradiction is an error of the hysteresis model."""
 
-NOISES = 5
-"""Number of noises with solved gains if the resistance is identified; the largest is 256 times the smallest."""
-
 MOST_SHIFT_C = 10.0
 """Largest shift of the transformation by a changed load, K: about 75 MPa.
 
@@ -88,7 +85,7 @@ class WireObserver:
         self._balance = wire.balance
         noise = noise_mm / abs(wire.travel_mm)
         self._noise_mm = noise_mm
-        self._gains = GainTable(wire, period_s, noise_c, noise, 1 if wire.resistance is None else NOISES)
+        self._gains = GainTable(wire, period_s, noise_c, noise)
         self._test = InnovationTest(period_s, noise_c, noise)
         self._branches = BranchTemperatures(wire.model)
         self._seeing_c, self._blind_c = DEAD_BAND_NOISES * noise_c, BLIND_NOISES * noise_c
@@ -131,18 +128,21 @@ class WireObserver:
         noise_mm: float | None = None,
         *,
         by_sensor: bool = True,
+        is_new: bool = True,
     ) -> WireEstimate:
         """Return the estimate `dt_s` seconds after `before`, corrected by the measurements at this time.
 
         The wire was heated with `power_w` since `before`. `reading_c` is the reading of the thermocouple. NaN marks a
         missing measurement. `noise_mm` is the standard deviation of this displacement; None takes the `noise_mm` of the
-        observer. Without `by_sensor`, the displacement follows from the resistance.
+        observer. Without `by_sensor`, the displacement follows from the resistance. `is_new` is False for a
+        displacement that was read before the last update.
         """
         if isfinite(displacement_mm):
             expected = self._predicted(before, power_w, dt_s, self._seeing_c)
             read_c = _innovation_c(reading_c, expected.thermocouple_c)
             least_w = -inf if by_sensor else self._strongest_draft_w(expected.temperature_c)
-            return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm or self._noise_mm, least_w)
+            noise_mm = noise_mm or self._noise_mm
+            return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm, least_w, is_new=is_new)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
         read_c = _innovation_c(reading_c, thermocouple_c)
         evidence = self._test.by_reading(before.evidence, read_c, wire_c - thermocouple_c)
@@ -193,7 +193,14 @@ class WireObserver:
         return play, self._model.step(before.hysteresis, play.output(radius_c) - before.shift_c)
 
     def _corrected_by_both(
-        self, expected: WireEstimate, read_c: float, displacement_mm: float, noise_mm: float, least_w: float
+        self,
+        expected: WireEstimate,
+        read_c: float,
+        displacement_mm: float,
+        noise_mm: float,
+        least_w: float,
+        *,
+        is_new: bool,
     ) -> WireEstimate:
         """Return the estimate corrected by thermocouple and displacement.
 
@@ -204,7 +211,7 @@ class WireObserver:
         phase_error = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
         gap_c = expected.temperature_c - expected.thermocouple_c
         evidence = self._test.by_both(
-            expected.evidence, read_c, gap_c, phase_error * min(self._noise_mm / noise_mm, 1.0)
+            expected.evidence, read_c, gap_c, phase_error * min(self._noise_mm / noise_mm, 1.0), is_new=is_new
         )
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
         wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(

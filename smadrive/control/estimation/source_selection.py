@@ -22,7 +22,7 @@ higher readings is not found if it is within this range, which is up to some 10 
 
 from __future__ import annotations
 
-from math import exp, inf, isfinite
+from math import exp, hypot, inf, isfinite
 from typing import NamedTuple
 
 from smadrive.control.estimation.lead import LeadChange
@@ -177,12 +177,13 @@ class SourceSelection:
     def _sensor(self, measurement: Measurement, mm_per_s: float = 0.0) -> DisplacementReading:
         """Return the displacement by the sensor, advanced from the time of its reading at the rate `mm_per_s`.
 
-        A displacement that is not fresh any more is no reading.
+        The advance is uncertain by its own size. A displacement that is not fresh any more is no reading.
         """
         age_s, is_chosen = measurement.displacement_age_s, self._chosen is DisplacementFrom.SENSOR
         if not (is_chosen and isfinite(measurement.displacement_mm) and age_s <= self._fresh_s):
             return NO_READING
-        return DisplacementReading(measurement.displacement_mm + mm_per_s * age_s, self._noise_mm)
+        advance_mm = mm_per_s * age_s
+        return DisplacementReading(measurement.displacement_mm + advance_mm, hypot(self._noise_mm, advance_mm))
 
     def _closest(
         self, state: SourceState, sensor: DisplacementReading, at_t: DisplacementReading, sample: ResistanceSample

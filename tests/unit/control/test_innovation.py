@@ -54,6 +54,14 @@ def test_evidence_for_shift_and_phase_does_not_end_before_the_disturbance(test):
     assert after(test, np.zeros(round(5.0 * HOLD_S / PERIOD_S)), lasts).lasting < 0.01
 
 
+def test_evidence_of_a_held_displacement_ends_if_it_lasts(test):
+    state = DisturbanceEvidence()
+    for _ in range(round(MOST_S / PERIOD_S) + 20):
+        state = test.by_both(state, 0.0, 0.0, 20.0 * NOISE, is_new=False)
+    assert state.lasting == state.level == 0.0
+    assert test.by_both(state, 0.0, 0.0, 20.0 * NOISE).lasting == 1.0
+
+
 def test_displacement_finds_a_disturbance_before_the_thermocouple(test):
     state = DisturbanceEvidence()
     for _ in range(10):
