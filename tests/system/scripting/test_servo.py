@@ -209,7 +209,7 @@ def test_function_that_waits_in_a_callback_gets_an_error_at_once(rig, servo, mon
 
 
 def test_off_stops_a_servo(rig, servo):
-    motion = servo.move(4.0, speed_mm_per_s=0.001)
+    motion = servo.move(8.0, speed_mm_per_s=0.001)
     rig.off()
     assert not servo.is_running
     assert isinstance(motion.exception(None), MotionError)
@@ -218,11 +218,12 @@ def test_off_stops_a_servo(rig, servo):
 
 @pytest.mark.parametrize("where", ["callback", "taker"])
 def test_servo_can_be_stopped_in_a_function_that_it_calls(rig, servo, where):
-    motion = servo.move(4.0, speed_mm_per_s=0.001 if where == "taker" else None)  # over an hour, but virtual
     if where == "taker":
+        motion = servo.move(8.0, speed_mm_per_s=0.001)  # over an hour, but virtual
         servo.takers.append(lambda tick: tick.time_s > 1.0 and servo.stop())
         assert isinstance(motion.exception(None), MotionError)
     else:
+        motion = servo.move(4.0)
         motion.add_callback(lambda _: servo.stop())
         motion.wait()
     servo.stop()
