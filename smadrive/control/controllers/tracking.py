@@ -170,7 +170,8 @@ class TrackingController:
             power_w,
             self._observer.cooling(estimate),
             estimate.shift_c,
-            *selected.by_resistance,
+            selected.by_resistance.mm,
+            selected.by_resistance.noise_mm,
             uses_resistance=float(source.needs_resistance),
             sensor_replaced=float(source.is_replaced),
             resistance_wrong=float(source.compared.is_resistance_wrong),
@@ -189,7 +190,6 @@ class TrackingController:
         if self._state is None:
             return self._observer.start(measurement.temperature_c, self._sources.start_mm(measurement))
         before = self._state.prediction.before
-        is_held = by_sensor and measurement.displacement_age_s >= dt_s
         return self._observer.update(
             before,
             measurement.temperature_c,
@@ -198,7 +198,7 @@ class TrackingController:
             dt_s,
             displacement.noise_mm,
             by_sensor=by_sensor,
-            is_new=not is_held,
+            is_new=displacement.is_new,
         )
 
     def _coming_period(self, ahead: WireEstimate, source: SourceState, time_s: float, dt_s: float) -> _Period:

@@ -45,10 +45,14 @@ MOST_NOISE = 0.3
 
 
 class DisplacementReading(NamedTuple):
-    """A displacement and its standard deviation, mm. Both are NaN without a measurement."""
+    """A displacement and its standard deviation, mm. Both are NaN without a measurement.
+
+    `is_new` is False for a displacement that a sensor had already given in an earlier tick.
+    """
 
     mm: float
     noise_mm: float
+    is_new: bool = True
 
 
 NO_READING = DisplacementReading(nan, nan)

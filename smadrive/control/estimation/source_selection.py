@@ -1,5 +1,8 @@
 """Selection of the source of the displacement: a sensor, or the resistance of the wire.
 
+A sensor may be read more rarely than the loop runs. Between two readings the displacement is the last reading plus the
+movement of the wire since then, by the model.
+
 A sensor can fail: it gives no reading, or readings that the wire cannot have (source_comparison.py). The resistance
 then replaces it. While the sensor is valid, it calibrates the leads (lead.py), so the displacement does not jump when
 the source changes.
@@ -52,6 +55,7 @@ class SourceState(NamedTuple):
     source        source of the last tick; NONE if the tick had no displacement
     cold_s        time for which the leads of the cold wire were measured, s; inf once the wire has been warm
     shift_c       mean estimated shift of the transformation to colder temperatures, K: 0 or negative
+    moved_mm      movement since the last reading of the sensor, by the model, mm
     """
 
     lead: LeadChange
@@ -60,6 +64,7 @@ class SourceState(NamedTuple):
     source: DisplacementFrom = DisplacementFrom.NONE
     cold_s: float = 0.0
     shift_c: float = 0.0
+    moved_mm: float = 0.0
 
     @property
     def needs_resistance(self) -> bool:
@@ -112,14 +117,14 @@ class SourceSelection:
     def adopt(self, state: SourceState, before: SourceSelection) -> SourceState:
         """Return the state with which this selection continues from `state`, a state of the selection `before`.
 
-        If both have the same chosen source, the result is `state`. Otherwise only the measured leads are kept, and
-        that the sensor is wrong.
+        If both have the same chosen source, the result is `state`. Otherwise the source is not known yet, and of the
+        comparison only remains that the sensor is wrong.
         """
         if before._chosen is self._chosen:
             return state
         is_replaced = state.compared.is_sensor_wrong and self._chosen is DisplacementFrom.SENSOR
         compared = state.compared.wrong_sensor()._replace(has_sensor=is_replaced)
-        return SourceState(state.lead, compared, is_replaced, cold_s=state.cold_s, shift_c=state.shift_c)
+        return state._replace(compared=compared, is_replaced=is_replaced, source=DisplacementFrom.NONE)
 
     def start_mm(self, measurement: Measurement) -> float:
         """Return the displacement of the sensor if the sensor is the chosen source, otherwise NaN."""
@@ -150,11 +155,13 @@ class SourceSelection:
 
         `prediction` is the prediction for the time of `measurement`, from the last estimate of the wire.
         """
-        sensor = self._sensor(measurement, prediction.mm_per_s)
+        is_new = measurement.displacement_age_s < dt_s
+        held_s, moved_mm = (measurement.displacement_age_s, 0.0) if is_new else (dt_s, state.moved_mm)
+        moved_mm += prediction.mm_per_s * held_s
+        sensor = self._sensor(measurement, moved_mm, is_new=is_new)
         if self._resistance is None:
             source = DisplacementFrom.SENSOR if isfinite(sensor.mm) else DisplacementFrom.NONE
-            state = state if state.source is source else state._replace(source=source)
-            return state, Selected(sensor, NO_READING)
+            return state._replace(source=source, moved_mm=moved_mm), Selected(sensor, NO_READING)
         sample = self._resistance.sample(measurement, prediction)
         by_resistance = self._resistance.displacement(state.lead, sample)
         if self._chosen is DisplacementFrom.SENSOR:
@@ -171,19 +178,19 @@ class SourceSelection:
         used = {DisplacementFrom.SENSOR: sensor, DisplacementFrom.RESISTANCE: by_resistance}.get(source, NO_READING)
         is_replaced = state.compared.has_sensor and source is not DisplacementFrom.SENSOR
         cold_s = state.cold_s + dt_s * sample.shows_leads if sample.is_cold else inf
-        state = state._replace(lead=lead, source=source, is_replaced=is_replaced, cold_s=cold_s)
+        state = state._replace(lead=lead, source=source, is_replaced=is_replaced, cold_s=cold_s, moved_mm=moved_mm)
         return state, Selected(used, by_resistance)
 
-    def _sensor(self, measurement: Measurement, mm_per_s: float = 0.0) -> DisplacementReading:
-        """Return the displacement by the sensor, advanced from the time of its reading at the rate `mm_per_s`.
+    def _sensor(self, measurement: Measurement, moved_mm: float = 0.0, *, is_new: bool = True) -> DisplacementReading:
+        """Return the displacement by the sensor, advanced by the movement `moved_mm` since its reading.
 
         The advance is uncertain by its own size. A displacement that is not fresh any more is no reading.
         """
         age_s, is_chosen = measurement.displacement_age_s, self._chosen is DisplacementFrom.SENSOR
         if not (is_chosen and isfinite(measurement.displacement_mm) and age_s <= self._fresh_s):
             return NO_READING
-        advance_mm = mm_per_s * age_s
-        return DisplacementReading(measurement.displacement_mm + advance_mm, hypot(self._noise_mm, advance_mm))
+        noise_mm = hypot(self._noise_mm, moved_mm)
+        return DisplacementReading(measurement.displacement_mm + moved_mm, noise_mm, is_new)
 
     def _closest(
         self, state: SourceState, sensor: DisplacementReading, at_t: DisplacementReading, sample: ResistanceSample
