@@ -86,9 +86,9 @@ class GainTable:
 
     The phase is the displacement as a share of the travel. `noise_c` is the standard deviation of the noise of the
     thermocouple, K, and `noise` the smallest of the phase. The gains are solved for `NOISES` noises of the phase,
-    because the noise of the resistance varies, and that of a sensor grows with the age of its reading. Each is
-    `NOISE_STEP` times the noise before. Between two noises the corrections are interpolated over the logarithm of the
-    noise. A noise above the largest counts as the largest.
+    because the noise of the resistance varies, and that of a sensor grows with the movement since its reading. Each
+    is `NOISE_STEP` times the noise before. Between two noises the corrections are interpolated over the logarithm of
+    the noise. A noise above the largest counts as the largest.
     """
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise: float) -> None:
@@ -122,8 +122,8 @@ class GainTable:
         `slope` is the derivative of the phase with respect to the wire temperature, 1/K. `read_c` is measured -
         expected temperature of the thermocouple, K, and `phase_error` measured - expected phase, whose noise has the
         standard deviation `noise`. The levels of `evidence` go from 0, for the gains in calm air, to 1, for the gains
-        in a disturbance: `level` for temperatures and power, `lasting` for shift and phase. The larger gains apply to
-        at most `MOST_NOISES` standard deviations of the noise, or to an innovation that repeats, because a spike of a
+        in a disturbance: `level` for all estimates, `lasting` for shift and phase only. The larger gains apply to at
+        most `MOST_NOISES` standard deviations of the noise, or to an innovation that repeats, because a spike of a
         sensor is no disturbance.
         """
         noise = min(max(noise, self._noise), self._most_noise)
@@ -131,7 +131,8 @@ class GainTable:
         limited_c = min(max(read_c, -self._most_c), self._most_c)
         limited = min(max(phase_error, min(-most, repeated)), max(most, repeated))
         thermal = read_c, phase_error, evidence.level * limited_c, evidence.level * limited
-        hysteretic = read_c, phase_error, evidence.lasting * limited_c, evidence.lasting * limited
+        lasting = max(evidence.level, evidence.lasting)
+        hysteretic = read_c, phase_error, lasting * limited_c, lasting * limited
         innovations = thermal, thermal, thermal, hysteretic, hysteretic
         place = min(log(noise / self._noise, NOISE_STEP), self._last) if noise > self._noise else 0.0
         level = int(place)

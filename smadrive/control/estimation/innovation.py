@@ -12,9 +12,16 @@ mean).
 
 A draft begins or ceases within a second or two. Evidence that lasts longer has another cause: a bead that comes off
 lags by seconds, and with larger gains for the temperatures the wire would overheat. So the integral of the level over
-time is limited. The gains for shift and phase follow a second level, `lasting`, without this limit: a load that changes
-while the wire turns takes longer to learn, because there the displacement hardly depends on the temperature. A sensor
-that is read more rarely than the loop runs repeats its error in each tick. So its held readings have the limit, too.
+time is limited. The gains for shift and phase also follow a second level, `lasting`, without this limit: a load that
+changes while the wire turns takes longer to learn, because there the displacement hardly depends on the temperature.
+
+Spikes and a noise that exceeds σ last, too, but their innovations change sign. So `lasting` grows only while the
+innovations of the displacement have one sign. Their mean sign s goes from -1 to 1; a small innovation counts in part:
+
+    s <- s + `SIGN_WEIGHT` (min(max(e/σ, -1), 1) - s)
+
+A sensor that is read more rarely than the loop runs repeats one innovation in several ticks. So `lasting` is 0 while a
+reading is held.
 """
 
 from __future__ import annotations
@@ -50,6 +57,9 @@ MOST_S, FORGET_S = 2.0, 20.0
 At a larger integral the level is 0.
 """
 
+SIGN_WEIGHT, SIGN_THRESHOLDS = 0.1, (0.5, 0.8)
+"""Weight of the latest sign, and thresholds of the mean sign. White noise gives it a standard deviation up to 0.23."""
+
 
 class DisturbanceEvidence(NamedTuple):
     """The state of the test.
@@ -58,7 +68,8 @@ class DisturbanceEvidence(NamedTuple):
     phase     mean innovation of the displacement, as a share of the travel
     level     0 while the innovations look like noise, 1 for a certain disturbance
     spent_s   integral of the level over time, forgotten with the time constant `FORGET_S`, s
-    lasting   the level without a limit of its integral; after a held reading of the displacement, the level
+    lasting   0 to 1 like the level, without its limit, for innovations of the displacement that keep their sign
+    sign      mean sign of the innovations of the displacement, from -1 to 1
     repeated  part of the last innovation of the displacement that the earlier ones also had: twice their mean
     """
 
@@ -67,6 +78,7 @@ class DisturbanceEvidence(NamedTuple):
     level: float = 0.0
     spent_s: float = 0.0
     lasting: float = 0.0
+    sign: float = 0.0
     repeated: float = 0.0
 
 
@@ -81,7 +93,8 @@ class InnovationTest:
         self._period_s = period_s
         self._decay, self._forget = exp(-period_s / HOLD_S), exp(-period_s / FORGET_S)
         self._read_c = READ_SPREAD * noise_c * sqrt(READ_WEIGHT / (2.0 - READ_WEIGHT))
-        self._phase = PHASE_SPREAD * noise * sqrt(PHASE_WEIGHT / (2.0 - PHASE_WEIGHT))
+        self._noise = PHASE_SPREAD * noise
+        self._phase = self._noise * sqrt(PHASE_WEIGHT / (2.0 - PHASE_WEIGHT))
 
     def by_reading(self, before: DisturbanceEvidence, read_c: float, gap_c: float) -> DisturbanceEvidence:
         """Return the state after the innovation `read_c` of the thermocouple, K.
@@ -89,7 +102,8 @@ class InnovationTest:
         `gap_c` is the difference between the temperatures of wire and thermocouple, K.
         """
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
-        return self._limited(before, mean_c, 0.0, self._of_reading(mean_c, gap_c), is_new=True)
+        level, spent_s = self._limited(before, self._of_reading(mean_c, gap_c))
+        return DisturbanceEvidence(mean_c, 0.0, level, spent_s)
 
     def by_both(
         self, before: DisturbanceEvidence, read_c: float, gap_c: float, phase_error: float, *, is_new: bool = True
@@ -103,19 +117,20 @@ class InnovationTest:
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
         mean = before.phase + PHASE_WEIGHT * (phase_error - before.phase)
         of_phase = _grown(abs(mean) / self._phase, PHASE_THRESHOLDS)
-        return self._limited(before, mean_c, mean, max(self._of_reading(mean_c, gap_c), of_phase), is_new=is_new)
+        level, spent_s = self._limited(before, max(self._of_reading(mean_c, gap_c), of_phase))
+        sign = before.sign + SIGN_WEIGHT * (min(max(phase_error / self._noise, -1.0), 1.0) - before.sign)
+        persists = of_phase * _grown(abs(sign), SIGN_THRESHOLDS)
+        lasting = max(before.lasting * self._decay, persists) if is_new else 0.0
+        return DisturbanceEvidence(mean_c, mean, level, spent_s, lasting, sign, 2.0 * before.phase)
 
     def _of_reading(self, mean_c: float, gap_c: float) -> float:
         return _grown(abs(mean_c) / hypot(self._read_c, LAG_SHARE * gap_c), READ_THRESHOLDS)
 
-    def _limited(
-        self, before: DisturbanceEvidence, mean_c: float, mean: float, grown: float, *, is_new: bool
-    ) -> DisturbanceEvidence:
-        """Return the state with the levels `grown`, or with a decayed level of `before` if that is larger."""
-        level, lasting = max(before.level * self._decay, grown), max(before.lasting * self._decay, grown)
+    def _limited(self, before: DisturbanceEvidence, grown: float) -> tuple[float, float]:
+        """Return the level, which is `grown` or the decayed level of `before` if that is larger, and its integral."""
+        level = max(before.level * self._decay, grown)
         spent_s = before.spent_s * self._forget + level * self._period_s
-        level = level if spent_s < MOST_S else 0.0
-        return DisturbanceEvidence(mean_c, mean, level, spent_s, lasting if is_new else level, 2.0 * before.phase)
+        return level if spent_s < MOST_S else 0.0, spent_s
 
 
 def _grown(deviations: float, thresholds: tuple[float, float]) -> float:

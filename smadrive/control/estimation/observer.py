@@ -39,17 +39,22 @@ DEAD_BAND_NOISES = 0.2
 It is less than 1, because a predicted temperature has less noise than a reading.
 """
 
-BLIND_NOISES = 1.0
-"""The same without a measured displacement. The step then ends at a corrected temperature, which has more noise."""
+BLIND_NOISES, DISTURBED_NOISES = 1.0, 2.0
+"""The same without a measured displacement, in calm air and in a disturbance.
+
+The step ends at a corrected temperature. This has more noise, and with the larger gain still more.
+"""
 
 DRAFT_SHARE = 0.1
 """An unexplained power of more than this share of the heat loss is a draft, and changes in proportion to the loss."""
 
-MOST_DRAFT = 0.8
-"""Without a displacement sensor, the largest additional loss by a draft, as a share of the identified loss.
+MOST_DRAFT, MOST_DRAFT_HELD = 0.8, 2.0
+"""Largest additional loss by a draft, as a share of the identified loss: without a displacement sensor, and while its
+reading is held.
 
 Thermocouple and resistance cannot tell a stronger draft from a bead that comes off: hot austenite has the resistance of
-a colder wire that is not fully transformed. A larger share would overheat a wire whose bead comes off.
+a colder wire that is not fully transformed. A held reading is moved by the model and does not contradict it. A larger
+share would overheat a wire whose bead comes off.
 """
 
 MARGIN_NOISES = 3.0
@@ -88,7 +93,8 @@ class WireObserver:
         self._gains = GainTable(wire, period_s, noise_c, noise)
         self._test = InnovationTest(period_s, noise_c, noise)
         self._branches = BranchTemperatures(wire.model)
-        self._seeing_c, self._blind_c = DEAD_BAND_NOISES * noise_c, BLIND_NOISES * noise_c
+        self._seeing_c = DEAD_BAND_NOISES * noise_c
+        self._blind_c, self._disturbed_c = BLIND_NOISES * noise_c, DISTURBED_NOISES * noise_c
 
     def start(self, reading_c: float, displacement_mm: float) -> WireEstimate:
         """Return the first estimate, for a wire at rest.
@@ -140,7 +146,8 @@ class WireObserver:
         if isfinite(displacement_mm):
             expected = self._predicted(before, power_w, dt_s, self._seeing_c)
             read_c = _innovation_c(reading_c, expected.thermocouple_c)
-            least_w = -inf if by_sensor else self._strongest_draft_w(expected.temperature_c)
+            most_draft = (inf if is_new else MOST_DRAFT_HELD) if by_sensor else MOST_DRAFT
+            least_w = self._draft_w(most_draft, expected.temperature_c)
             noise_mm = noise_mm or self._noise_mm
             return self._corrected_by_both(expected, read_c, displacement_mm, noise_mm, least_w, is_new=is_new)
         wire_c, thermocouple_c, disturbance_w = self._heated(before, power_w, dt_s)
@@ -148,16 +155,15 @@ class WireObserver:
         evidence = self._test.by_reading(before.evidence, read_c, wire_c - thermocouple_c)
         correction = self._gains.by_reading(read_c, evidence.level)
         wire_c += correction.temperature_c
-        play, hysteresis = self._stepped(before, wire_c, self._blind_c)
+        radius_c = self._blind_c + evidence.level * (self._disturbed_c - self._blind_c)
+        play, hysteresis = self._stepped(before, wire_c, radius_c)
         thermocouple_c += correction.thermocouple_c
-        disturbance_w = max(disturbance_w + correction.disturbance_w, self._strongest_draft_w(wire_c))
-        return WireEstimate(
-            wire_c, thermocouple_c, hysteresis, disturbance_w, play, self._blind_c, evidence, before.shift_c
-        )
+        disturbance_w = max(disturbance_w + correction.disturbance_w, self._draft_w(MOST_DRAFT, wire_c))
+        return WireEstimate(wire_c, thermocouple_c, hysteresis, disturbance_w, play, radius_c, evidence, before.shift_c)
 
-    def _strongest_draft_w(self, wire_c: float) -> float:
-        """Return the unexplained power of the strongest draft without a displacement sensor, W: a negative power."""
-        return -MOST_DRAFT * self._balance.loss_w_per_k * max(wire_c - self._balance.ambient_c, LEAST_EXCESS_C)
+    def _draft_w(self, share: float, wire_c: float) -> float:
+        """Return the unexplained power of a draft that adds this share of the identified loss, W: a negative power."""
+        return -share * self._balance.loss_w_per_k * max(wire_c - self._balance.ambient_c, LEAST_EXCESS_C)
 
     def _predicted(self, before: WireEstimate, power_w: float, dt_s: float, radius_c: float) -> WireEstimate:
         """Return the prediction, with a dead band of the radius `radius_c`."""

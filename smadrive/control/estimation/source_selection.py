@@ -55,7 +55,7 @@ class SourceState(NamedTuple):
     source        source of the last tick; NONE if the tick had no displacement
     cold_s        time for which the leads of the cold wire were measured, s; inf once the wire has been warm
     shift_c       mean estimated shift of the transformation to colder temperatures, K: 0 or negative
-    moved_mm      movement since the last reading of the sensor, by the model, mm
+    moved_mm      movement since the last reading of the sensor, by the model, mm; without a reading, since the start
     """
 
     lead: LeadChange
@@ -118,7 +118,7 @@ class SourceSelection:
         """Return the state with which this selection continues from `state`, a state of the selection `before`.
 
         If both have the same chosen source, the result is `state`. Otherwise the source is not known yet, and of the
-        comparison only remains that the sensor is wrong.
+        comparison only that is kept whether the sensor is wrong.
         """
         if before._chosen is self._chosen:
             return state
@@ -184,7 +184,8 @@ class SourceSelection:
     def _sensor(self, measurement: Measurement, moved_mm: float = 0.0, *, is_new: bool = True) -> DisplacementReading:
         """Return the displacement by the sensor, advanced by the movement `moved_mm` since its reading.
 
-        The advance is uncertain by its own size. A displacement that is not fresh any more is no reading.
+        The standard deviation of this movement is as large as the movement. A displacement that is not fresh any more
+        is no reading.
         """
         age_s, is_chosen = measurement.displacement_age_s, self._chosen is DisplacementFrom.SENSOR
         if not (is_chosen and isfinite(measurement.displacement_mm) and age_s <= self._fresh_s):

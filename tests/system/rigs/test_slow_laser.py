@@ -13,6 +13,7 @@ from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
+from smadrive.errors import TripError
 from smadrive.identification.reshape import shape_of
 from smadrive.identification.wire import FitSettings
 from smadrive.rig.config import RigConfig, load_rig
@@ -76,22 +77,27 @@ def test_wire_has_not_drifted_in_its_own_excitation(log, fit, tmp_path):
     assert entry.cooling_c.value == pytest.approx(identified.cooling_c, abs=0.2)
 
 
-def rms_error(rate_hz, disturb=lambda _plant: None):
-    """Return the RMS error as a share of the travel from 15 s on; `disturb` is called at `DISTURBED_S`."""
+def track(rate_hz, disturb, record):
+    """Track a sine. `disturb` is called with the bench at `DISTURBED_S`, and `record` with the plant in each tick."""
     bench, opened = bench_and_rig(rate_hz)
-    errors_mm = []
     with opened as rig:
         wire = exact_wire().wire_model(rig.nominal_balance)
         reference = sine(low_mm=2.0, high_mm=9.0, period_s=20.0, cycles=1).with_approach(travel_mm(wire.model)[0], 10.0)
 
-        def record(tick):
+        def on_tick(tick):
             if round(tick.time_s, 6) == DISTURBED_S:
-                disturb(bench.plant)
-            if tick.time_s > 15.0:
-                errors_mm.append(bench.plant.displacement_mm - reference.value_mm(tick.time_s))
+                disturb(bench)
+            record(bench.plant, tick.time_s, reference.value_mm(tick.time_s))
 
-        rig.track(reference, wire, HysteresisInverse(wire.model), record)
-    return np.sqrt(np.mean(np.square(errors_mm))) / abs(wire.travel_mm)
+        rig.track(reference, wire, HysteresisInverse(wire.model), on_tick)
+
+
+def rms_error(rate_hz, disturb=lambda _bench: None):
+    """Return the RMS error from 15 s on, as a share of the travel."""
+    errors_mm = []
+    track(rate_hz, disturb, lambda plant, time_s, mm: time_s > 15.0 and errors_mm.append(plant.displacement_mm - mm))
+    cold_mm, hot_mm = travel_mm(exact_wire().model)
+    return np.sqrt(np.mean(np.square(errors_mm))) / abs(hot_mm - cold_mm)
 
 
 @pytest.mark.parametrize(
@@ -104,10 +110,23 @@ def test_wire_tracks_its_reference(rate_hz, most):
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(("rate_hz", "most"), [(5.0, 0.008), (2.0, 0.015), (1.0, 0.02)])
 def test_wire_tracks_its_reference_in_a_draft(rate_hz, most):
-    assert rms_error(rate_hz, lambda plant: plant.surroundings.draft(1.6, for_s=20.0)) < most
+    assert rms_error(rate_hz, lambda bench: bench.plant.surroundings.draft(1.6, for_s=20.0)) < most
 
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize(("rate_hz", "most"), [(5.0, 0.02), (2.0, 0.04)])
 def test_wire_tracks_its_reference_after_a_load(rate_hz, most):
-    assert rms_error(rate_hz, lambda plant: plant.load.step_load(60.0, over_s=1.0)) < most
+    assert rms_error(rate_hz, lambda bench: bench.plant.load.step_load(60.0, over_s=1.0)) < most
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("rate_hz", [5.0, 3.0, 2.0, 1.0])
+def test_bead_that_comes_off_trips_before_the_wire_is_too_hot(rate_hz):
+    wire_c = []
+    with pytest.raises(TripError):
+        track(
+            rate_hz,
+            lambda bench: bench.sensors.bead.loosen_bead(0.02, over_s=1.0),
+            lambda plant, _time_s, _mm: wire_c.append(plant.temperature_c),
+        )
+    assert max(wire_c) < load_rig("in-process").limits.temperature_max_c

@@ -48,18 +48,38 @@ def test_evidence_ends_if_it_lasts(test):
     assert after(test, np.full(ticks + 20, 5.0 * NOISE_C)).level == 0.0
 
 
-def test_evidence_for_shift_and_phase_does_not_end_before_the_disturbance(test):
-    lasts = after(test, np.full(round(10.0 * MOST_S / PERIOD_S), 5.0 * NOISE_C))
-    assert lasts.lasting == 1.0
-    assert after(test, np.zeros(round(5.0 * HOLD_S / PERIOD_S)), lasts).lasting < 0.01
+def after_displacements(test, errors, state=None, **options):
+    state = state or DisturbanceEvidence()
+    for error in errors:
+        state = test.by_both(state, 0.0, 0.0, error, **options)
+    return state
+
+
+LONG = round(10.0 * MOST_S / PERIOD_S)
+
+
+def test_evidence_of_a_displacement_that_keeps_its_sign_lasts(test):
+    lasts = after_displacements(test, np.full(LONG, 5.0 * NOISE))
+    assert (lasts.level, lasts.lasting) == (0.0, 1.0)
+    assert after_displacements(test, np.zeros(round(5.0 * HOLD_S / PERIOD_S)), lasts).lasting < 0.01
+
+
+@pytest.mark.parametrize("noises", [2.5, 10.0, 50.0])
+def test_more_noise_than_assumed_is_no_lasting_evidence(test, noises):
+    errors = noises * NOISE * np.random.default_rng(1).standard_normal(LONG)
+    lasting = [after_displacements(test, errors[:end]).lasting for end in range(LONG // 2, LONG, 10)]
+    assert np.mean(lasting) < 0.25
+
+
+def test_spikes_are_no_lasting_evidence(test):
+    errors = np.where(np.arange(LONG) % 10 == 0, 100.0 * NOISE, 0.0)
+    assert after_displacements(test, errors).lasting == 0.0
 
 
 def test_evidence_of_a_held_displacement_ends_if_it_lasts(test):
-    state = DisturbanceEvidence()
-    for _ in range(round(MOST_S / PERIOD_S) + 20):
-        state = test.by_both(state, 0.0, 0.0, 20.0 * NOISE, is_new=False)
-    assert state.lasting == state.level == 0.0
-    assert test.by_both(state, 0.0, 0.0, 20.0 * NOISE).lasting == 1.0
+    held = after_displacements(test, np.full(LONG, 20.0 * NOISE), is_new=False)
+    assert held.lasting == held.level == 0.0
+    assert test.by_both(held, 0.0, 0.0, 20.0 * NOISE).lasting == 1.0
 
 
 def test_displacement_finds_a_disturbance_before_the_thermocouple(test):
