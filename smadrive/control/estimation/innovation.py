@@ -15,8 +15,9 @@ lags by seconds, and with larger gains for the temperatures the wire would overh
 time is limited. The gains for shift and phase also follow a second level, `lasting`, without this limit: a load that
 changes while the wire turns takes longer to learn, because there the displacement hardly depends on the temperature.
 
-Spikes and a noise that exceeds σ last, too, but their innovations change sign. So `lasting` grows only while the
-innovations of the displacement have one sign. Their mean sign s goes from -1 to 1; a small innovation counts in part:
+Spikes, and a noise larger than σ, also give evidence that lasts, but their innovations change sign. So `lasting` grows
+only while the innovations of the displacement keep one sign. Their mean sign s goes from -1 to 1; a small innovation
+counts in part:
 
     s <- s + `SIGN_WEIGHT` (min(max(e/σ, -1), 1) - s)
 
