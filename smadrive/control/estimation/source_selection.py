@@ -117,8 +117,8 @@ class SourceSelection:
     def adopt(self, state: SourceState, before: SourceSelection) -> SourceState:
         """Return the state with which this selection continues from `state`, a state of the selection `before`.
 
-        If both have the same chosen source, the result is `state`. Otherwise the source is not known yet, and of the
-        comparison only that is kept whether the sensor is wrong.
+        If both have the same chosen source, the result is `state`. Otherwise the source is not known yet, and the
+        comparison begins anew, except that a sensor that was wrong stays wrong.
         """
         if before._chosen is self._chosen:
             return state
