@@ -77,15 +77,15 @@ def test_wire_has_not_drifted_in_its_own_excitation(log, fit, tmp_path):
     assert entry.cooling_c.value == pytest.approx(identified.cooling_c, abs=0.2)
 
 
-def track(rate_hz, disturb, record):
-    """Track a sine. `disturb` is called with the bench at `DISTURBED_S`, and `record` with the plant in each tick."""
+def track(rate_hz, disturb, record, at_s=DISTURBED_S):
+    """Track a sine. `disturb` is called with the bench at `at_s`, and `record` with the plant in each tick."""
     bench, opened = bench_and_rig(rate_hz)
     with opened as rig:
         wire = exact_wire().wire_model(rig.nominal_balance)
         reference = sine(low_mm=2.0, high_mm=9.0, period_s=20.0, cycles=1).with_approach(travel_mm(wire.model)[0], 10.0)
 
         def on_tick(tick):
-            if round(tick.time_s, 6) == DISTURBED_S:
+            if round(tick.time_s, 6) == at_s:
                 disturb(bench)
             record(bench.plant, tick.time_s, reference.value_mm(tick.time_s))
 
@@ -121,12 +121,14 @@ def test_wire_tracks_its_reference_after_a_load(rate_hz, most):
 
 @pytest.mark.exhaustive
 @pytest.mark.parametrize("rate_hz", [5.0, 3.0, 2.0, 1.0])
-def test_bead_that_comes_off_trips_before_the_wire_is_too_hot(rate_hz):
+def test_bead_that_comes_off_trips_long_before_the_wire_is_too_hot(rate_hz):
+    """A held displacement must not show the colder bead as a strong draft: the wire would reach 132 degC."""
     wire_c = []
     with pytest.raises(TripError):
         track(
             rate_hz,
             lambda bench: bench.sensors.bead.loosen_bead(0.02, over_s=1.0),
             lambda plant, _time_s, _mm: wire_c.append(plant.temperature_c),
+            at_s=19.0,
         )
-    assert max(wire_c) < load_rig("in-process").limits.temperature_max_c
+    assert max(wire_c) < load_rig("in-process").limits.temperature_max_c - 15.0
