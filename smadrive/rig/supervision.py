@@ -22,7 +22,7 @@ from smadrive.safety.resistance_band import ResistanceBand
 from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import UNCERTAINTIES, Heated, TemperatureBand
-from smadrive.safety.temperature_by_resistance import TemperatureByResistance, always
+from smadrive.safety.temperature_by_resistance import TemperatureByResistance, always, by_sensor
 from smadrive.wire.health.expected_rest import ExpectedRest
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
@@ -54,16 +54,17 @@ CURRENT_TOLERANCE_A = 0.05
 class WireChecks(NamedTuple):
     """The checks of a run against what is known about its wire.
 
-    wire             a displacement outside the range of its model at the measured temperature is a fault. Its
-                     resistance checks the thermocouple while no sensor shows the displacement
-    expected         if given, a jump of the resistance at rest away from it is a fault
-    uses_resistance  the resistance checks nothing while this function returns False
-    trusts_sensor    the displacement counts as not measured while this function returns False
+    wire           a displacement outside the range of its model at the measured temperature is a fault. Its resistance
+                   checks the thermocouple while no sensor shows the displacement
+    expected       if given, a jump of the resistance at rest away from it is a fault
+    source         returns the source of the displacement. While it is RESISTANCE, the resistance checks the
+                   thermocouple beside a sensor, too; while it is NONE, the resistance does not check it
+    trusts_sensor  the displacement counts as not measured while this function returns False
     """
 
     wire: WireModel
     expected: ExpectedRest | None = None
-    uses_resistance: Callable[[], bool] = always
+    source: Callable[[], DisplacementFrom] = by_sensor
     trusts_sensor: Callable[[], bool] = always
 
 
@@ -75,7 +76,7 @@ def wire_checks(
 ) -> WireChecks:
     """Return the checks of a run whose displacement comes from `source`. With NONE, the resistance checks nothing."""
     checked = WireModel(wire.model, wire.balance) if source is DisplacementFrom.NONE else wire
-    return WireChecks(checked, expected, trusts_sensor=trusts_sensor)
+    return WireChecks(checked, expected, lambda: source, trusts_sensor)
 
 
 def supervisor(
@@ -102,7 +103,7 @@ def supervisor(
     at_rest = None if checks.expected is None else ResistanceBand(wire, displacement, checks.expected, current_max_a)
     by_resistance = None
     if wire.resistance is not None:
-        limits_of_run = hottest_c, current_max_a, checks.uses_resistance
+        limits_of_run = hottest_c, current_max_a, checks.source
         by_resistance = TemperatureByResistance(wire, wire.resistance, displacement, *limits_of_run)
     return Supervisor(limits, band, displacement, at_rest, by_resistance, checks.trusts_sensor)
 

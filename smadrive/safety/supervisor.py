@@ -32,8 +32,9 @@ class Supervisor:
 
     `temperature_band` compares the reading with the heat input, `displacement_band` the displacement with the model of
     the wire, and `resistance_band` the resistance with the last runs of the wire. A band that is None is not checked.
-    While no sensor shows the displacement, `by_resistance` replaces it in the checks of the thermocouple. While
-    `trusts_sensor` returns False, the displacement counts as not measured.
+    While no sensor shows the displacement, `by_resistance` replaces it in the checks of the thermocouple; while the
+    resistance is the source of the displacement, both check it. While `trusts_sensor` returns False, the displacement
+    counts as not measured.
     """
 
     def __init__(
@@ -61,7 +62,8 @@ class Supervisor:
         self._strayed = Debounce(3, 5)
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
-        self._not_following, self._displacement_unknown, self._contradicting = (Persistence() for _ in range(3))
+        self._not_following, self._displacement_unknown = Persistence(), Persistence()
+        self._contradicting = Persistence(), Persistence()
         self._late_ticks = 0
 
     def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
@@ -77,10 +79,10 @@ class Supervisor:
         self._check_current(measurement)
         self._check_power(measurement)
         fresh = self._limits.without_old_displacement(measurement)
-        contradiction = self._contradiction(fresh)
-        self._check_temperature_band(fresh, contradiction)
+        contradictions = self._contradictions(fresh)
+        self._check_temperature_band(fresh, is_contradicted=any(contradictions))
         self._check_displacement(measurement, setpoint_mm)
-        self._check_contradiction(fresh, contradiction)
+        self._check_contradictions(fresh, contradictions)
         self._check_resistance_band(fresh)
         return self.trip
 
@@ -106,7 +108,7 @@ class Supervisor:
 
         arming_checks.py has the reasons. If heating may begin, the temperature band starts at the measured temperature.
         """
-        check_may_arm(measurement, self._limits, self._contradiction(measurement))
+        check_may_arm(measurement, self._limits, next(filter(None, self._contradictions(measurement)), None))
         if self._temperature_band is not None:
             least_c = self._temperature_band.start(measurement.temperature_c, measurement.time_s)
             if not self._is_cool(self._limits.without_old_displacement(measurement), inf):
@@ -158,15 +160,15 @@ class Supervisor:
         if self._powerless.update(not is_known):
             self._raise(Fault.POWER_UNKNOWN, measurement.time_s, measurement.supply_fault or "no reading")
 
-    def _check_temperature_band(self, measurement: Measurement, contradiction: Contradiction | None) -> None:
+    def _check_temperature_band(self, measurement: Measurement, *, is_contradicted: bool) -> None:
         if self._temperature_band is None:
             return
         reading_c = measurement.temperature_c
-        at_least = self._at_least(measurement) if contradiction is None else UNBOUNDED
+        at_least = UNBOUNDED if is_contradicted else self._at_least(measurement)
         band = self._temperature_band.update(reading_c, self._power_w, measurement.time_s, at_least)
         is_hot = band.coldest_c > self._limits.temperature_max_c
         is_too_cold = reading_c < band.low_c or band.unfollowed_c > UNFOLLOWED_C
-        if (is_hot or is_too_cold) and contradiction is None and self._is_cool(measurement, band.hottest_c):
+        if (is_hot or is_too_cold) and not is_contradicted and self._is_cool(measurement, band.hottest_c):
             is_hot = is_too_cold = False
         if self._overheated.update(is_hot):
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
@@ -213,37 +215,34 @@ class Supervisor:
             detail = f"setpoint {setpoint_mm:.3f} mm, measured {measured_mm:.3f} mm, for {limits.tracking_for_s:g} s"
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail, f"{limits.tracking_max_mm:g} mm")
 
-    def _check_contradiction(self, measurement: Measurement, contradiction: Contradiction | None) -> None:
-        """Trip at once if the displacement is impossible at every temperature, else if the contradiction lasts."""
+    def _check_contradictions(
+        self, measurement: Measurement, contradictions: tuple[Contradiction | None, Contradiction | None]
+    ) -> None:
+        """Trip at once if the displacement is impossible at every temperature, else if a contradiction lasts."""
         band, displacement_mm = self._displacement_band, measurement.displacement_mm
         is_beyond = None if band is None or not self._renewed.displacement else band.is_beyond_travel(displacement_mm)
         is_impossible = isfinite(displacement_mm) and self._beyond_travel.update(is_beyond)
-        holds = contradiction is not None if self._is_compared(measurement) else None
-        lasted_s = self._contradicting.update(measurement.time_s, holds)
-        if contradiction is not None and (is_impossible or lasted_s > self._limits.contradicts_for_s):
-            self._raise(contradiction.fault, measurement.time_s, contradiction.detail)
-
-    def _is_compared(self, measurement: Measurement) -> bool:
-        """Return False if the reading, or what it is compared with, is not measured."""
-        if not isfinite(measurement.temperature_c):
-            return False
-        by_resistance = self._by_resistance is not None and self._by_resistance.is_measured
-        return isfinite(measurement.displacement_mm) or by_resistance
+        has_resistance = self._by_resistance is not None and self._by_resistance.is_measured
+        compared = isfinite(displacement_mm), has_resistance
+        for contradiction, is_compared, persistence in zip(contradictions, compared, self._contradicting, strict=True):
+            holds = contradiction is not None if is_compared and isfinite(measurement.temperature_c) else None
+            lasted_s = persistence.update(measurement.time_s, holds)
+            if contradiction is not None and (is_impossible or lasted_s > self._limits.contradicts_for_s):
+                self._raise(contradiction.fault, measurement.time_s, contradiction.detail)
 
     def _check_resistance_band(self, measurement: Measurement) -> None:
         if self._resistance_band is not None and (jump := self._resistance_band.jumped(measurement)):
             self._raise(Fault.RESISTANCE_JUMPED, measurement.time_s, *jump.texts())
 
-    def _contradiction(self, measurement: Measurement) -> Contradiction | None:
-        """Return the contradiction between the reading and the displacement, or else the resistance; None if none."""
-        if (band := self._displacement_band) is None:
-            return None
-        temperature_c, displacement_mm = measurement.temperature_c, measurement.displacement_mm
-        if self._by_resistance is not None and not isfinite(displacement_mm):
-            fault, outside = Fault.RESISTANCE_IMPLAUSIBLE, self._by_resistance.outside(temperature_c)
-        else:
-            fault, outside = Fault.DISPLACEMENT_IMPLAUSIBLE, band.outside(temperature_c, displacement_mm)
-        return None if outside is None else Contradiction(fault, outside)
+    def _contradictions(self, measurement: Measurement) -> tuple[Contradiction | None, Contradiction | None]:
+        """Return how displacement and resistance contradict the reading of the thermocouple; None if one does not."""
+        read = measurement.temperature_c, measurement.displacement_mm
+        by_displacement = None if self._displacement_band is None else self._displacement_band.outside(*read)
+        by_resistance = None if self._by_resistance is None else self._by_resistance.outside(*read)
+        return (
+            None if by_displacement is None else Contradiction(Fault.DISPLACEMENT_IMPLAUSIBLE, by_displacement),
+            None if by_resistance is None else Contradiction(Fault.RESISTANCE_IMPLAUSIBLE, by_resistance),
+        )
 
     def _raise(self, fault: Fault, time_s: float, detail: str, limit: str | None = None) -> None:
         if self.trip is None:

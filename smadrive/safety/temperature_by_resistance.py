@@ -1,4 +1,4 @@
-"""The check of the thermocouple by the resistance, for a wire without a displacement sensor.
+"""The check of the thermocouple by the resistance: without a displacement sensor, or if the resistance is the source.
 
 A thermocouple that reads too cold for the heat input is right if a draft cools the wire, and wrong if its bead has come
 off. The resistance decides, because it does not depend on the thermocouple. With the current I, the voltage V, and
@@ -25,7 +25,7 @@ from math import exp, inf, isfinite, sqrt
 
 import numpy as np
 
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
 from smadrive.safety.displacement_band import UNSURE_C, DisplacementBand
 from smadrive.safety.resistance_band import current_min_a
@@ -47,14 +47,20 @@ BEYOND_C, POINTS = 300.0, 200
 
 
 def always() -> bool:
-    """Return True: a sensor, or the resistance, is trusted in the whole run."""
+    """Return True: the sensor is trusted in the whole run."""
     return True
+
+
+def by_sensor() -> DisplacementFrom:
+    """Return SENSOR: the displacement sensor is the source in the whole run."""
+    return DisplacementFrom.SENSOR
 
 
 class TemperatureByResistance:
     """Judges the temperature of `wire` by its `resistance`, as described at the head of this file.
 
-    While `is_used` returns False, the resistance is not trusted, and nothing is judged.
+    `source` returns the source of the displacement. While it is NONE, the resistance is not trusted, and nothing is
+    judged. While it is RESISTANCE, a reading is judged even if a sensor shows the displacement.
     """
 
     def __init__(
@@ -64,9 +70,9 @@ class TemperatureByResistance:
         displacement_band: DisplacementBand,
         temperature_max_c: float,
         current_max_a: float,
-        is_used: Callable[[], bool],
+        source: Callable[[], DisplacementFrom],
     ) -> None:
-        self._wire, self._resistance, self._band, self._is_used = wire, resistance, displacement_band, is_used
+        self._wire, self._resistance, self._band, self._source = wire, resistance, displacement_band, source
         held_a = wire.balance.current_a(wire.balance.power_w(temperature_max_c, 0.0, 0.0), 0.0)
         self._least_a = min(current_min_a(current_max_a), HELD_SHARE * held_a)
         hot_c = np.linspace(temperature_max_c, temperature_max_c + BEYOND_C, POINTS).tolist()
@@ -98,7 +104,7 @@ class TemperatureByResistance:
 
         `hottest_c` is the greatest possible temperature of the wire by its heat input, °C.
         """
-        if not (self._squares_a2 and self._is_used()):
+        if not (self._squares_a2 and self._is_trusted):
             return False
         ohm, sure_ohm = self._measured()
         return ohm - sure_ohm > self._hot_ohm.at(hottest_c)
@@ -108,7 +114,7 @@ class TemperatureByResistance:
 
         The result is `UNBOUNDED` if a cold wire can have it, and while the resistance is not measured.
         """
-        if not (self.is_measured and self._is_used()):
+        if not (self.is_measured and self._is_trusted):
             return UNBOUNDED
         ohm, sure_ohm = self._measured()
         warmer = POINTS - bisect_right(self._falling_ohm, ohm + sure_ohm)
@@ -118,12 +124,14 @@ class TemperatureByResistance:
         phase = self._resistance.phase(ohm + sure_ohm, least_c, start=1.0)
         return AtLeast(least_c, min(max(phase, 0.0), 1.0) if isfinite(phase) else 0.0)
 
-    def outside(self, temperature_c: float) -> str | None:
+    def outside(self, temperature_c: float, displacement_mm: float) -> str | None:
         """Return a text if the resistance does not belong to the reading `temperature_c`, otherwise None.
 
-        The result is None while the resistance is not measured, and for NaN.
+        The result is None while the resistance is not measured, for a temperature of NaN, and while a sensor is the
+        source and shows the displacement (it is not NaN).
         """
-        if not (self.is_measured and isfinite(temperature_c) and self._is_used()):
+        is_judged = not isfinite(displacement_mm) or self._source() is DisplacementFrom.RESISTANCE
+        if not (is_judged and self.is_measured and isfinite(temperature_c) and self._is_trusted):
             return None
         ohm, sure_ohm = self._measured()
         ends_mm = self._band.band_mm(temperature_c)
@@ -132,6 +140,10 @@ class TemperatureByResistance:
         if not (ohm + sure_ohm < low_ohm or ohm - sure_ohm > high_ohm):
             return None
         return f"{ohm:.4g} Ω measured, {low_ohm:.4g} to {high_ohm:.4g} Ω possible at {temperature_c:.1f} °C"
+
+    @property
+    def _is_trusted(self) -> bool:
+        return self._source() is not DisplacementFrom.NONE
 
     def _measured(self) -> tuple[float, float]:
         """Return the mean resistance and its largest error, Ω."""

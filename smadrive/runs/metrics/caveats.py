@@ -32,7 +32,7 @@ within `DEVIATIONS` standard deviations does not count.
 """
 
 CHECK_WIRE = "check the bead, the contacts, the load and the air around the wire; if all are right, identify it again"
-CHECK_SENSOR = "check how the sensor is mounted, the contacts and the leads"
+CHECK_SENSOR = "is it the identified wire? check how the sensor is mounted, the contacts and the leads"
 
 
 def tracking_caveats(log: Log) -> tuple[str, ...]:

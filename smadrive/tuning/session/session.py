@@ -181,8 +181,8 @@ class TuningSession:
                 self._state.report(f"not adapted: {impossible}")
             else:
                 self._adaptation.switch(True, tuning)
-        wire, trust_resistance = self._wire.wire_model(tuning.model), self.tunings.trust_resistance
-        checks = WireChecks(wire, self._expected, trust_resistance, live.trusts_sensor)
+        wire = self._wire.wire_model(tuning.model)
+        checks = WireChecks(wire, self._expected, self.tunings.displacement_from, live.trusts_sensor)
         self._rig.drive(live, self._wire.balance, self._take, checks, self._stop_requested)
 
     def _fail(self, error: SmadriveError) -> None:

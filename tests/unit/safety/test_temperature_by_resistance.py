@@ -6,12 +6,12 @@ from math import exp, nan
 import pytest
 
 from smadrive.hysteresis import DuhemModel
-from smadrive.measurement import Measurement
+from smadrive.measurement import DisplacementFrom, Measurement
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
 from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import IDENTIFIED, UNBOUNDED, TemperatureBand
-from smadrive.safety.temperature_by_resistance import TemperatureByResistance, always
+from smadrive.safety.temperature_by_resistance import TemperatureByResistance, by_sensor
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_resistance import WireResistance
 from smadrive.wire.wire_model import WireModel
@@ -29,8 +29,8 @@ HOTTEST_C = 150.0
 LIMITS = replace(limits.LIMITS, temperature_max_c=MOST_C, contradicts_for_s=2.0)
 
 
-def by_resistance(is_used=always, current_max_a=0.5):
-    return TemperatureByResistance(WIRE, RESISTANCE, DisplacementBand(MODEL), MOST_C, current_max_a, is_used)
+def by_resistance(source=by_sensor, current_max_a=0.5):
+    return TemperatureByResistance(WIRE, RESISTANCE, DisplacementBand(MODEL), MOST_C, current_max_a, source)
 
 
 def sample(wire_c, phase, n=0, reading_c=None, current_a=0.3, displacement_mm=nan):
@@ -102,11 +102,11 @@ def test_current_that_can_heat_the_wire_to_the_limit_is_large_enough_whatever_th
 
 def test_resistance_belongs_to_a_right_reading_and_not_to_a_wrong_one():
     judged = by_resistance()
-    assert judged.outside(30.0) is None
+    assert judged.outside(30.0, nan) is None
     for n in range(10):
         judged.update(sample(100.0, 1.0, n))
-    assert judged.outside(100.0) is judged.outside(nan) is None
-    assert "Ω" in judged.outside(30.0)
+    assert judged.outside(100.0, nan) is judged.outside(nan, nan) is None
+    assert "Ω" in judged.outside(30.0, nan)
 
 
 def trip(samples, judged):
@@ -145,15 +145,26 @@ def test_reading_that_is_wrong_trips_although_the_current_pauses():
 
 
 def test_resistance_that_is_not_used_judges_nothing_until_it_is_used():
-    is_used = [False]
-    judged = by_resistance(lambda: is_used[0])
+    source = [DisplacementFrom.NONE]
+    judged = by_resistance(lambda: source[0])
     for n in range(10):
         judged.update(sample(30.0, 0.0, n))
     assert not judged.excludes_limit(HOTTEST_C)
-    assert judged.outside(110.0) is None
-    is_used[0] = True
+    assert judged.outside(110.0, nan) is None
+    source[0] = DisplacementFrom.RESISTANCE
     assert judged.excludes_limit(HOTTEST_C)
-    assert judged.outside(110.0) is not None
+    assert judged.outside(110.0, nan) is not None
+
+
+def test_resistance_that_is_the_source_trips_although_a_sensor_agrees_with_the_thermocouple():
+    other_wire = [sample(30.0, 0.0, n, reading_c=110.0, displacement_mm=12.0) for n in range(200)]
+    assert trip(other_wire, by_resistance()) is None
+    assert trip(other_wire, by_resistance(lambda: DisplacementFrom.RESISTANCE)) is Fault.RESISTANCE_IMPLAUSIBLE
+
+
+def test_sensor_that_contradicts_trips_although_the_resistance_is_the_source():
+    stuck = [sample(110.0, 1.0, n, displacement_mm=3.0) for n in range(200)]
+    assert trip(stuck, by_resistance(lambda: DisplacementFrom.RESISTANCE)) is Fault.DISPLACEMENT_IMPLAUSIBLE
 
 
 def test_displacement_sensor_that_works_comes_first():

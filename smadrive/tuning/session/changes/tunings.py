@@ -18,9 +18,9 @@ class Tunings:
         self.history = History(first)
         self.comparison = Comparison()
 
-    def trust_resistance(self) -> bool:
-        """Return True if the tuning in force may take the displacement from the resistance."""
-        return self.in_force.displacement_from is not DisplacementFrom.NONE
+    def displacement_from(self) -> DisplacementFrom:
+        """Return the source of the displacement of the tuning in force."""
+        return self.in_force.displacement_from
 
     def put(self, built: Built, live: SwappableController | None) -> None:
         """Put a built tuning in force. If the loop runs, the tuning's controller takes over."""
