@@ -23,11 +23,19 @@ counts in part:
 
 A sensor that is read more rarely than the loop runs repeats one innovation in several ticks. So `lasting` is 0 while a
 reading is held.
+
+A precise sensor that is read in every tick needs no `lasting`: the gains in calm air then find a changed load within
+seconds. A wrong temperature, as of a bead that is half loose, gives innovations of one sign, too. With the larger gains
+the shift would follow it and oscillate. So `lasting` is weighted by the noise ν of the displacement, as a multiple of
+the least noise, and by the number n of ticks since the reading before. A reading in every tick, with the noise
+ν sqrt(n), would tell as much:
+
+    weight = min(log(ν sqrt(n)) / log(`LASTING_NOISES`), 1)
 """
 
 from __future__ import annotations
 
-from math import exp, hypot, sqrt
+from math import exp, hypot, log, sqrt
 from typing import NamedTuple
 
 READ_WEIGHT, PHASE_WEIGHT = 0.3, 0.5
@@ -61,6 +69,9 @@ At a larger integral the level is 0.
 SIGN_WEIGHT, SIGN_THRESHOLDS = 0.1, (0.5, 0.8)
 """Weight of the latest sign, and thresholds of the mean sign. White noise gives it a standard deviation up to 0.23."""
 
+LASTING_NOISES = 4.0
+"""At this multiple of the least noise, and above it, `lasting` has its whole weight."""
+
 
 class DisturbanceEvidence(NamedTuple):
     """The state of the test.
@@ -72,6 +83,7 @@ class DisturbanceEvidence(NamedTuple):
     lasting   0 to 1 like the level, without its limit, for innovations of the displacement that keep their sign
     sign      mean sign of the innovations of the displacement, from -1 to 1
     repeated  part of the last innovation of the displacement that the earlier ones also had: twice their mean
+    held      number of updates since the last new reading of the displacement
     """
 
     read_c: float = 0.0
@@ -81,6 +93,7 @@ class DisturbanceEvidence(NamedTuple):
     lasting: float = 0.0
     sign: float = 0.0
     repeated: float = 0.0
+    held: int = 0
 
 
 class InnovationTest:
@@ -107,22 +120,33 @@ class InnovationTest:
         return DisturbanceEvidence(mean_c, 0.0, level, spent_s)
 
     def by_both(
-        self, before: DisturbanceEvidence, read_c: float, gap_c: float, phase_error: float, *, is_new: bool = True
+        self,
+        before: DisturbanceEvidence,
+        read_c: float,
+        gap_c: float,
+        phase_error: float,
+        noises: float = 1.0,
+        *,
+        is_new: bool = True,
     ) -> DisturbanceEvidence:
         """Return the state after the innovations of thermocouple and displacement.
 
         `read_c` is the innovation of the thermocouple, K, `phase_error` of the displacement, as a share of the travel.
-        `gap_c` is the difference between the temperatures of wire and thermocouple, K. `is_new` is False for a
-        displacement that is held since the last update.
+        `gap_c` is the difference between the temperatures of wire and thermocouple, K. The noise of this displacement
+        is `noises` times the least one, at least 1. `is_new` is False for a displacement that is held since the last
+        update.
         """
+        phase_error /= noises
         mean_c = before.read_c + READ_WEIGHT * (read_c - before.read_c)
         mean = before.phase + PHASE_WEIGHT * (phase_error - before.phase)
         of_phase = _grown(abs(mean) / self._phase, PHASE_THRESHOLDS)
         level, spent_s = self._limited(before, max(self._of_reading(mean_c, gap_c), of_phase))
         sign = before.sign + SIGN_WEIGHT * (min(max(phase_error / self._noise, -1.0), 1.0) - before.sign)
-        persists = of_phase * _grown(abs(sign), SIGN_THRESHOLDS)
+        weight = min(log(noises * sqrt(before.held + 1), LASTING_NOISES), 1.0)
+        persists = weight * of_phase * _grown(abs(sign), SIGN_THRESHOLDS)
         lasting = max(before.lasting * self._decay, persists) if is_new else 0.0
-        return DisturbanceEvidence(mean_c, mean, level, spent_s, lasting, sign, 2.0 * before.phase)
+        held = 0 if is_new else before.held + 1
+        return DisturbanceEvidence(mean_c, mean, level, spent_s, lasting, sign, 2.0 * before.phase, held)
 
     def _of_reading(self, mean_c: float, gap_c: float) -> float:
         return _grown(abs(mean_c) / hypot(self._read_c, LAG_SHARE * gap_c), READ_THRESHOLDS)

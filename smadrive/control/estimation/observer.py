@@ -216,9 +216,8 @@ class WireObserver:
         """
         phase_error = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
         gap_c = expected.temperature_c - expected.thermocouple_c
-        evidence = self._test.by_both(
-            expected.evidence, read_c, gap_c, phase_error * min(self._noise_mm / noise_mm, 1.0), is_new=is_new
-        )
+        noises = max(noise_mm / self._noise_mm, 1.0)
+        evidence = self._test.by_both(expected.evidence, read_c, gap_c, phase_error, noises, is_new=is_new)
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
         wire_c, thermocouple_c, power_w, shift_c, phase = self._gains.by_both(
             slope, read_c, phase_error, evidence, noise_mm / abs(self._wire.travel_mm)

@@ -77,12 +77,13 @@ def test_wire_has_not_drifted_in_its_own_excitation(log, fit, tmp_path):
     assert entry.cooling_c.value == pytest.approx(identified.cooling_c, abs=0.2)
 
 
-def track(rate_hz, disturb, record, at_s=DISTURBED_S):
+def track(rate_hz, disturb, record, at_s=DISTURBED_S, cycles=1):
     """Track a sine. `disturb` is called with the bench at `at_s`, and `record` with the plant in each tick."""
     bench, opened = bench_and_rig(rate_hz)
     with opened as rig:
         wire = exact_wire().wire_model(rig.nominal_balance)
-        reference = sine(low_mm=2.0, high_mm=9.0, period_s=20.0, cycles=1).with_approach(travel_mm(wire.model)[0], 10.0)
+        periodic = sine(low_mm=2.0, high_mm=9.0, period_s=20.0, cycles=cycles)
+        reference = periodic.with_approach(travel_mm(wire.model)[0], 10.0)
 
         def on_tick(tick):
             if round(tick.time_s, 6) == at_s:
@@ -92,10 +93,15 @@ def track(rate_hz, disturb, record, at_s=DISTURBED_S):
         rig.track(reference, wire, HysteresisInverse(wire.model), on_tick)
 
 
-def rms_error(rate_hz, disturb=lambda _bench: None):
+def rms_error(rate_hz, disturb=lambda _bench: None, cycles=1):
     """Return the RMS error from 15 s on, as a share of the travel."""
     errors_mm = []
-    track(rate_hz, disturb, lambda plant, time_s, mm: time_s > 15.0 and errors_mm.append(plant.displacement_mm - mm))
+
+    def record(plant, time_s, setpoint_mm):
+        if time_s > 15.0:
+            errors_mm.append(plant.displacement_mm - setpoint_mm)
+
+    track(rate_hz, disturb, record, cycles=cycles)
     cold_mm, hot_mm = travel_mm(exact_wire().model)
     return np.sqrt(np.mean(np.square(errors_mm))) / abs(hot_mm - cold_mm)
 
@@ -117,6 +123,11 @@ def test_wire_tracks_its_reference_in_a_draft(rate_hz, most):
 @pytest.mark.parametrize(("rate_hz", "most"), [(5.0, 0.02), (2.0, 0.04)])
 def test_wire_tracks_its_reference_after_a_load(rate_hz, most):
     assert rms_error(rate_hz, lambda bench: bench.plant.load.step_load(60.0, over_s=1.0)) < most
+
+
+def test_controller_does_not_take_a_loose_bead_for_a_load():
+    """The laser is read in every tick. A shift that followed the wrong temperature would oscillate."""
+    assert rms_error(20.0, lambda bench: bench.sensors.bead.loosen_bead(0.2, over_s=1.0), cycles=2) < 0.01
 
 
 @pytest.mark.exhaustive

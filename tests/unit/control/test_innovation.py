@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from smadrive.control.estimation.innovation import HOLD_S, MOST_S, DisturbanceEvidence, InnovationTest
+from smadrive.control.estimation.innovation import HOLD_S, LASTING_NOISES, MOST_S, DisturbanceEvidence, InnovationTest
 
 PERIOD_S, NOISE_C, NOISE = 0.05, 0.1, 0.001
 
@@ -48,10 +48,11 @@ def test_evidence_ends_if_it_lasts(test):
     assert after(test, np.full(ticks + 20, 5.0 * NOISE_C)).level == 0.0
 
 
-def after_displacements(test, errors, state=None, **options):
+def after_displacements(test, errors, state=None, noises=LASTING_NOISES, **options):
+    """Return the state after displacements with these errors; their noise is `noises` times the least one."""
     state = state or DisturbanceEvidence()
     for error in errors:
-        state = test.by_both(state, 0.0, 0.0, error, **options)
+        state = test.by_both(state, 0.0, 0.0, noises * error, noises, **options)
     return state
 
 
@@ -64,9 +65,22 @@ def test_evidence_of_a_displacement_that_keeps_its_sign_lasts(test):
     assert after_displacements(test, np.zeros(round(5.0 * HOLD_S / PERIOD_S)), lasts).lasting < 0.01
 
 
-@pytest.mark.parametrize("noises", [2.5, 10.0, 50.0])
-def test_more_noise_than_assumed_is_no_lasting_evidence(test, noises):
-    errors = noises * NOISE * np.random.default_rng(1).standard_normal(LONG)
+def test_precise_displacement_of_every_tick_gives_no_lasting_evidence(test):
+    """The gains in calm air find a load with it, and larger ones would follow an error of the temperature."""
+    assert after_displacements(test, np.full(LONG, 5.0 * NOISE), noises=1.0).lasting == 0.0
+
+
+def test_rare_displacement_gives_lasting_evidence_even_if_it_is_precise(test):
+    state = DisturbanceEvidence()
+    for n in range(LONG):
+        state = test.by_both(state, 0.0, 0.0, 5.0 * NOISE, is_new=n % 4 == 0)
+    assert (LONG - 1) % 4
+    assert test.by_both(state, 0.0, 0.0, 5.0 * NOISE).lasting == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("more", [2.5, 10.0, 50.0])
+def test_more_noise_than_assumed_is_no_lasting_evidence(test, more):
+    errors = more * NOISE * np.random.default_rng(1).standard_normal(LONG)
     lasting = [after_displacements(test, errors[:end]).lasting for end in range(LONG // 2, LONG, 10)]
     assert np.mean(lasting) < 0.25
 
