@@ -15,8 +15,8 @@ from smadrive.identification.wire import AnyFit
 from smadrive.runs.record_fit import INPUT, RecordFit
 
 WITH_LAG = (
-    "a table gives no heat balance, and the lag of its thermocouple is not removed: the log of `smadrive excite` gives "
-    "a more accurate model"
+    "a table gives no heat balance and no resistance, and the lag of its thermocouple is not removed: the log of "
+    "`smadrive excite` gives a more accurate model"
 )
 
 
