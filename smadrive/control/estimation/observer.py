@@ -34,16 +34,12 @@ from smadrive.wire.branch_temperatures import BranchTemperatures
 from smadrive.wire.wire_model import WireModel, WireState
 
 DEAD_BAND_NOISES = 0.2
-"""Radius of the dead band with a measured displacement, in standard deviations of the thermocouple's noise.
-
-It is less than 1, because a predicted temperature has less noise than a reading.
-"""
+"""Radius of the dead band with a measured displacement, in standard deviations of the thermocouple's noise. It is less
+than 1, because a predicted temperature has less noise than a reading."""
 
 BLIND_NOISES, DISTURBED_NOISES = 1.0, 2.0
-"""The same without a measured displacement, in calm air and in a disturbance.
-
-The step ends at a corrected temperature. This has more noise, and with the larger gain still more.
-"""
+"""The same without a measured displacement, in calm air and in a disturbance: the step then ends at a corrected
+temperature, which has more noise, and with the larger gain still more."""
 
 DRAFT_SHARE = 0.1
 """An unexplained power of more than this share of the heat loss is a draft, and changes in proportion to the loss."""
@@ -57,11 +53,13 @@ a colder wire that is not fully transformed. A held reading is moved by the mode
 share would overheat a wire whose bead comes off.
 """
 
-MARGIN_NOISES = 3.0
-"""The displacement that limits the temperature may be wrong by this many standard deviations of its noise."""
+MARGIN_NOISES, MARGIN_SHARE = 3.0, 0.01
+"""The displacement that limits the temperature may be wrong by this many standard deviations of its noise. In a larger
+contradiction than `MOST_REDUCED_C` it may be wrong by this share of the travel, too, because the zero of a sensor has
+an error: at the cold end it would count as tens of kelvin."""
 
 MOST_REDUCED_C = 1.0
-"""Largest reduction of one correction by this limit, K. A larger contradiction is an error of the hysteresis model."""
+"""Largest reduction of one correction by this limit, K."""
 
 MOST_SHIFT_C = 10.0
 """Largest shift of the transformation by a changed load, K: about 75 MPa.
@@ -239,7 +237,11 @@ class WireObserver:
 
     def _reduction_c(self, input_c: float, y: float, noise_mm: float) -> float:
         """Return the change that brings the input of the hysteresis model between the branches at the output y, K."""
-        outside_c = self._branches.nearest_c(input_c, y, MARGIN_NOISES * noise_mm) - input_c
+        margin_mm = MARGIN_NOISES * noise_mm
+        outside_c = self._branches.nearest_c(input_c, y, margin_mm) - input_c
+        if abs(outside_c) > MOST_REDUCED_C:
+            margin_mm += MARGIN_SHARE * abs(self._wire.travel_mm)
+            outside_c = self._branches.nearest_c(input_c, y, margin_mm) - input_c
         return min(max(outside_c, -MOST_REDUCED_C), MOST_REDUCED_C)
 
 

@@ -117,6 +117,16 @@ def test_estimate_starts_at_a_measured_displacement():
     assert observer.start(80.0, float("nan")).hysteresis.y == pytest.approx(LOOP.initial_state(80.0).y)
 
 
+def test_small_error_of_the_zero_does_not_warm_the_estimate_of_a_cold_wire():
+    """At the cold end the branches are flat: 0.1 mm of 12 mm would count as 30 K."""
+    observer = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012)
+    estimate = observer.start(22.0, 0.1)
+    for _ in range(100):
+        estimate = observer.update(estimate, 22.0, 0.1, 0.0, DT_S)
+    assert estimate.temperature_c == pytest.approx(22.0, abs=0.1)
+    assert estimate.disturbance_w == pytest.approx(0.0, abs=0.001)
+
+
 def test_displacement_sensor_corrects_the_phase_of_a_wrong_model():
     shifted = DuhemModel.gaussian(
         mu_heating=92, mu_cooling=70, sigma_heating=6, sigma_cooling=6, scale=12, input_range=(0, 160)
