@@ -125,6 +125,7 @@ def test_wire_tracks_its_reference_after_a_load(rate_hz, most):
     assert rms_error(rate_hz, lambda bench: bench.plant.load.step_load(60.0, over_s=1.0)) < most
 
 
+@pytest.mark.exhaustive
 def test_controller_does_not_take_a_loose_bead_for_a_load():
     """The laser is read in every tick. A shift that followed the wrong temperature would oscillate."""
     assert rms_error(20.0, lambda bench: bench.sensors.bead.loosen_bead(0.2, over_s=1.0), cycles=2) < 0.01
